@@ -37,10 +37,11 @@ pub struct Change {
 }
 
 impl Comparison {
-    /// What is different in `now` from `before`.
+    /// What is different in `now` from `before`, on the devices that are tested now.
     pub fn of(now: &Run, before: &Run) -> Self {
-        let (causes, old_causes) = (causes(now), causes(before));
-        let (verdicts, old_verdicts) = (verdicts(now), verdicts(before));
+        let tested = |device: &str| now.devices.iter().any(|it| it.info.device == device);
+        let (causes, old_causes) = (causes(now, tested), causes(before, tested));
+        let (verdicts, old_verdicts) = (verdicts(now, tested), verdicts(before, tested));
         let names: BTreeSet<_> = verdicts.keys().chain(old_verdicts.keys()).collect();
         let change = |key: &&(String, String)| {
             let (before, now) = (old_verdicts.get(*key).copied(), verdicts.get(*key).copied());
@@ -117,9 +118,10 @@ fn causes_of(count: usize) -> String {
 }
 
 /// The causes, each with its device and its service.
-fn causes(run: &Run) -> BTreeSet<String> {
+fn causes(run: &Run, of: impl Fn(&str) -> bool) -> BTreeSet<String> {
     let facts = facts(run).into_iter().filter_map(|fact| {
-        let (_, device, case) = fact.first;
+        // A fact may show on several devices.
+        let (_, device, case) = *fact.cases.iter().find(|it| of(&it.1.info.device))?;
         let cause = fact.cause()?.to_string();
         let named = device.info.objects.in_text(&cause);
         Some(clean(&format!("{} {}: {named}", device.info.device, case.info.suite)))
@@ -127,8 +129,9 @@ fn causes(run: &Run) -> BTreeSet<String> {
     facts.collect()
 }
 
-fn verdicts(run: &Run) -> BTreeMap<(String, String), Verdict> {
-    let named = run.cases().map(|(device, case)| {
+fn verdicts(run: &Run, of: impl Fn(&str) -> bool) -> BTreeMap<(String, String), Verdict> {
+    let cases = run.cases().filter(|(device, _)| of(&device.info.device));
+    let named = cases.map(|(device, case)| {
         ((clean(&device.info.device), clean(&case.info.name())), case.verdict())
     });
     named.collect()

@@ -45,10 +45,12 @@ pub(crate) struct Device<'r> {
     pub(crate) strip: Option<Strip>,
 }
 
-/// What was on the bus, from the beginning to the end of the run.
+/// What was on the bus, without the time in which nothing was.
 pub(crate) struct Strip {
     /// In seconds.
     pub(crate) length: f64,
+    /// How many parts the pictures have.
+    pub(crate) parts: usize,
     /// The load in each of equal parts of the run, of a hundred; empty when the bit rate is not
     /// known.
     pub(crate) load: Vec<f64>,
@@ -224,7 +226,7 @@ impl Strip {
             Some(_) => parts.iter().map(|(load, _)| load * 100.0).collect(),
             None => Vec::new(),
         };
-        Self { length: watched.end().0 as f64 / 1e9, load, states }
+        Self { length: watched.end().0 as f64 / 1e9, parts: parts.len().max(1), load, states }
     }
 }
 

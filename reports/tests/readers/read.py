@@ -1,0 +1,199 @@
+"""Reads the reports of two runs, in the folder of the first argument, as people's tools read them.
+
+Screenshots go to the folder of the second argument, where there is one.
+"""
+
+import collections
+import json
+import pathlib
+import subprocess
+import sys
+
+import jsonschema
+import junitparser
+from selenium import webdriver
+from selenium.webdriver.chrome.service import Service
+from selenium.webdriver.common.by import By
+from selenium.webdriver.support.ui import WebDriverWait
+
+OUT = pathlib.Path(sys.argv[1]).resolve()
+SHOTS = pathlib.Path(sys.argv[2]) if sys.argv[2] else None
+SCHEMA = json.loads(pathlib.Path("reports/report.schema.json").read_text())
+
+
+def main():
+    for name in ["everything", "mutant"]:
+        report = json.loads((OUT / f"{name}.json").read_text())
+        jsonschema.validate(report, SCHEMA)
+        junit_agrees(name, report)
+        frames_are_read(name, report)
+    browser = chromium()
+    try:
+        for name in ["everything", "mutant", "compared"]:
+            report = json.loads((OUT / f"{'mutant' if name == 'compared' else name}.json").read_text())
+            page_agrees(browser, name, report)
+        page_leads_to_the_frames(browser)
+        keys_work(browser)
+        page_fits_a_telephone_and_the_night(browser)
+    finally:
+        browser.quit()
+    print("JSON, JUnit, pcapng and the page are read as they were meant")
+
+
+def cases(report):
+    return [(device["name"], case) for device in report["devices"] for case in device["cases"]]
+
+
+def junit_agrees(name, report):
+    xml = junitparser.JUnitXml.fromfile(str(OUT / f"{name}.xml"))
+    counts = report["counts"]
+    assert xml.tests == sum(counts.values()), (xml.tests, counts)
+    assert xml.failures == counts["FAIL"], (xml.failures, counts)
+    assert xml.errors == counts["ERROR"], (xml.errors, counts)
+
+
+def frames_are_read(name, report):
+    """tshark finds each frame of a case, and CANopen in it."""
+    if name == "everything":
+        return
+    options = ["-d", "can.subdissector,canopen", "-T", "fields", "-e", "frame.protocols"]
+    command = ["tshark", "-r", str(OUT / f"{name}.pcapng"), *options]
+    said = subprocess.run(command, capture_output=True, text=True, check=True)
+    protocols = collections.Counter(line.split(":")[-1] for line in said.stdout.splitlines())
+    frames = sum(case["frames"] for _, case in cases(report))
+    # Attempts that were repeated are recorded, too.
+    assert sum(protocols.values()) >= frames, (protocols, frames)
+    assert protocols["canopen"] > 0.95 * frames, protocols
+
+
+def chromium():
+    options = webdriver.ChromeOptions()
+    options.binary_location = "/usr/bin/chromium"
+    for option in [
+        "headless", "no-sandbox", "disable-gpu", "disable-quic", "no-first-run", "disable-sync",
+        "disable-background-networking", "disable-component-update", "hide-scrollbars",
+    ]:
+        options.add_argument(f"--{option}")
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    return webdriver.Chrome(service=Service("/usr/bin/chromedriver"), options=options)
+
+
+def look(browser, width=1280, height=1600, scheme="light"):
+    metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+    media = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", media)
+
+
+def open_page(browser, name, fragment=""):
+    browser.get("about:blank")
+    browser.get((OUT / f"{name}.html").as_uri() + fragment)
+    assert browser.get_log("browser") == []
+    for entry in browser.get_log("performance"):
+        message = json.loads(entry["message"])["message"]
+        if message["method"] == "Network.requestWillBeSent":
+            url = message["params"]["request"]["url"]
+            assert url.startswith(("file:", "about:", "data:")), f"the page asks for {url}"
+
+
+def shoot(browser, name):
+    if SHOTS:
+        SHOTS.mkdir(parents=True, exist_ok=True)
+        browser.save_screenshot(str(SHOTS / f"{name}.png"))
+
+
+def text(browser, selector):
+    return browser.find_element(By.CSS_SELECTOR, selector).text
+
+
+def shown(browser, expected):
+    """Waits until the list shows so many cases."""
+    def is_there(_):
+        return text(browser, "#shown").split(" of ")[0] == str(expected)
+    WebDriverWait(browser, 20).until(is_there, f"{text(browser, '#shown')}, not {expected}")
+
+
+def page_agrees(browser, name, report):
+    look(browser)
+    open_page(browser, name)
+    shoot(browser, name)
+    total = sum(report["counts"].values())
+    assert text(browser, "#shown") == f"{total} of {total}", text(browser, "#shown")
+    boxes = browser.find_elements(By.CSS_SELECTOR, "#verdicts label")
+    counts = {box.text.split()[-2]: int(box.text.split()[-1]) for box in boxes}
+    assert counts == {name: count for name, count in report["counts"].items() if count}, counts
+    causes = browser.find_elements(By.CSS_SELECTOR, ".cause")
+    assert len(causes) == len(report["causes"])
+    squares = browser.find_elements(By.CSS_SELECTOR, ".grid a")
+    assert len(squares) == len(report["requirements"])
+    # The filter takes names, sentences and requirements.
+    for word in ["heartbeat", "CIA301-NMT-01"]:
+        low = word.lower()
+        fits = [
+            case for _, case in cases(report)
+            if low in case["name"].lower() or low in case["title"].lower()
+            or any(low in it.lower() for it in case["requirements"])
+        ]
+        field = browser.find_element(By.ID, "text")
+        field.clear()
+        field.send_keys(word)
+        shown(browser, len(fits))
+    field.clear()
+    field.send_keys(" ")
+    shown(browser, total)
+    for box in browser.find_elements(By.CSS_SELECTOR, "#verdicts input"):
+        if box.get_attribute("data-verdict") != "pass":
+            box.click()
+    shown(browser, report["counts"]["PASS"])
+
+
+def page_leads_to_the_frames(browser):
+    """From a cause to its case, and from there to what was on the bus."""
+    look(browser)
+    open_page(browser, "mutant")
+    cause = browser.find_element(By.CSS_SELECTOR, ".cause")
+    cause.find_element(By.TAG_NAME, "summary").click()
+    cause.find_element(By.CSS_SELECTOR, "li a").click()
+    WebDriverWait(browser, 20).until(lambda _: browser.find_elements(By.CSS_SELECTOR, ".lane.tx"))
+    panel = text(browser, ".case:not([hidden])")
+    for said in ["requires", "expected", "came", "run again", "SDO node 2"]:
+        assert said in panel, panel
+    shoot(browser, "case")
+    link = browser.current_url
+    assert "#case=generic" in link, link
+    browser.get("about:blank")
+    browser.get(link)
+    assert browser.find_elements(By.CSS_SELECTOR, ".row[aria-expanded=true]"), "a link opens its case"
+    requirement = browser.find_element(By.CSS_SELECTOR, ".grid a.fail")
+    browser.execute_script("arguments[0].click()", requirement)
+    field = browser.find_element(By.ID, "text")
+    wanted = requirement.get_attribute("aria-label").split()[0]
+    WebDriverWait(browser, 20).until(lambda _: field.get_attribute("value") == wanted)
+
+
+def keys_work(browser):
+    open_page(browser, "mutant")
+    body = browser.find_element(By.TAG_NAME, "body")
+    body.send_keys("/")
+    active = "return document.activeElement.id || document.activeElement.tagName"
+    assert browser.execute_script(active) == "text"
+    browser.switch_to.active_element.send_keys("\ue00c")
+    body.send_keys("j")
+    assert browser.execute_script(active) == "SUMMARY"
+
+
+def page_fits_a_telephone_and_the_night(browser):
+    colour = "return getComputedStyle(document.body).backgroundColor"
+    seen = set()
+    for scheme in ["light", "dark"]:
+        for width in [1280, 390]:
+            look(browser, width, 1600, scheme)
+            open_page(browser, "mutant")
+            wide = browser.execute_script("return document.documentElement.scrollWidth")
+            assert wide <= width, f"{wide} pixels on a screen of {width}"
+            seen.add(browser.execute_script(colour))
+            shoot(browser, f"mutant-{scheme}-{width}")
+    assert len(seen) == 2, seen
+
+
+main()
