@@ -198,8 +198,9 @@ type Reports = Vec<(Format, Output)>;
 /// The journal, the recordings and the reports that the arguments ask for.
 fn open(args: &RunArgs) -> Result<(Option<JournalFile>, Vec<RecordingFile>, Reports), Refused> {
     let selection = &args.selection;
-    let files = [("dut", &selection.dut), ("eds", &selection.eds), ("waivers", &args.waivers)];
-    let files = files.into_iter().filter_map(|(flag, path)| Some((flag, path.as_deref()?)));
+    let files = [("--dut", &selection.dut), ("--eds", &selection.eds)];
+    let files = files.into_iter().chain([("--waivers", &args.waivers)]);
+    let files = files.filter_map(|(flag, path)| Some((flag, path.as_deref()?)));
     let outputs = outputs(args.journal.as_deref(), &args.reports, &files.collect::<Vec<_>>())?;
     let journal = args.journal.as_ref().map(|path| {
         JournalFile::create(path, is_on_real_bus(args)).map_err(|error| not_written(path, &error))
@@ -231,11 +232,11 @@ fn outputs(
     let mut outputs: Vec<(&str, Output)> = Vec::new();
     for (flag, begins, path) in formats.chain(recordings).chain(journal) {
         let output = Output::new(path).map_err(|error| not_written(path, &error))?;
-        let others = outputs.iter().map(|(flag, other)| (*flag, other.path()));
-        let mut others = read.iter().copied().chain(others);
+        let others = outputs.iter().map(|(flag, other)| (format!("--{flag}"), other.path()));
+        let mut others = read.iter().map(|(name, path)| ((*name).to_owned(), *path)).chain(others);
         if let Some((other, _)) = others.find(|(_, path)| output.is_same(path)) {
             return Err(Refused::usage(format!(
-                "--{flag} and --{other} are one file, {}: each needs one of its own",
+                "--{flag} and {other} are one file, {}: each needs one of its own",
                 path.display()
             )));
         }
@@ -274,7 +275,7 @@ pub(crate) fn render(
     run: &Run,
     events: impl Iterator<Item = Event>,
 ) -> Result<(), Refused> {
-    let journals: Vec<(&str, &Path)> = journals.iter().map(|it| ("journal", &**it)).collect();
+    let journals: Vec<(&str, &Path)> = journals.iter().map(|it| ("the journal", &**it)).collect();
     let outputs = outputs(None, reports, &journals)?;
     let mut recordings = recordings(reports)?;
     let failed =
