@@ -66,6 +66,9 @@ pub enum Command {
     Trace(TraceArgs),
     /// Explain a case, requirement, mutant, object or error code
     Explain(ExplainArgs),
+    /// Write the requirements, the cases and the interpretations as a document, for a device where
+    /// one is named
+    Book(BookArgs),
     /// Electronic data sheets
     #[command(subcommand)]
     Eds(EdsCommand),
@@ -220,6 +223,27 @@ impl FromArgMatches for ReportArgs {
         *self = Self::from_arg_matches(matches)?;
         Ok(())
     }
+}
+
+/// Arguments of `book`.
+#[derive(Debug, Args)]
+pub struct BookArgs {
+    /// The data sheet of the device that the document is for: it says which cases apply
+    #[arg(long, value_name = "FILE")]
+    pub eds: Option<PathBuf>,
+    /// The reference device that it is for
+    #[arg(long, value_name = "NAME", conflicts_with = "eds")]
+    pub device: Option<String>,
+    /// Node id of the device, where the data sheet names none
+    #[arg(long, value_name = "ID", value_parser = whole::<u8>(1..=127))]
+    pub node: Option<u8>,
+    /// Which suites.
+    #[command(flatten)]
+    pub folders: Folders,
+    /// The file to write: a page where it ends with `.html`, else Markdown, which is printed without
+    /// this
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
 }
 
 /// Arguments of `report`.

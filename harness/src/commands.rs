@@ -3,6 +3,7 @@
 //! A command asks the other modules and prints what they answer. Options and their help belong to
 //! [`cli`](crate::cli).
 
+mod book;
 mod check;
 mod counted;
 mod decode;
@@ -49,6 +50,7 @@ pub fn run(cli: Cli) -> Exit {
         Some(Command::Eds(command)) => eds::run(&command, &stop),
         Some(Command::Decode(args)) => decode::run(&args),
         Some(Command::Monitor(args)) => monitor::run(&args, &stop),
+        Some(Command::Book(args)) => book::run(&args),
         Some(Command::Report(args)) => report::run(&args),
         Some(Command::Waive(args)) => waive::run(&args),
         Some(Command::Restore(args)) => restore::run(&args, &stop),

@@ -20,10 +20,10 @@ use crate::exit::{Exit, Refused};
 use crate::files::words;
 
 use journal::JournalFile;
-use output::Output;
 use recording::RecordingFile;
 use unfinished::is_on_real_bus;
 
+pub(crate) use output::Output;
 pub(crate) use unfinished::started;
 
 /// Tells of a run while it runs, and writes its reports at the end.
@@ -259,7 +259,7 @@ fn recordings(reports: &ReportArgs) -> Result<Vec<RecordingFile>, Refused> {
     reports.recordings.iter().map(create).collect()
 }
 
-fn not_written(path: &Path, error: &std::io::Error) -> Refused {
+pub(crate) fn not_written(path: &Path, error: &std::io::Error) -> Refused {
     let message = format!("error: {}: {}", path.display(), words(error));
     Refused { exit: Exit::File, message }
 }

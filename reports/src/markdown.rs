@@ -115,7 +115,7 @@ fn not_tested([first, others]: &[Vec<Reason>; 2], out: &mut dyn Write) -> io::Re
 }
 
 /// Text in one line, in which no character is markup.
-fn escaped(text: &str) -> String {
+pub fn escaped(text: &str) -> String {
     let mut line = String::with_capacity(text.len());
     for symbol in text.chars() {
         match symbol {

@@ -493,7 +493,7 @@ const fn advice(abort: Abort) -> Option<&'static str> {
 
 /// The names of the objects in the data sheet of the device that a suite is for. A suite for any
 /// device takes those of the device that has them all.
-fn names_for(suite: &Suite, catalogue: &Catalogue) -> ObjectNames {
+pub(super) fn names_for(suite: &Suite, catalogue: &Catalogue) -> ObjectNames {
     let device = suite.file.device.as_ref().map_or("generic", |device| device.value.as_str());
     let device = devices::names().find(|name| *name == device || name.starts_with(device));
     let Some(Ok(device)) = device.map(|name| reference_device(name, catalogue)) else {

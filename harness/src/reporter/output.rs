@@ -8,7 +8,7 @@ use nix::errno::Errno;
 
 /// A file that a report goes to.
 #[derive(Clone, Debug)]
-pub(super) struct Output {
+pub(crate) struct Output {
     /// As the user named it.
     path: PathBuf,
     /// The place of the file; for a link, its target.
@@ -20,28 +20,28 @@ impl Output {
     ///
     /// # Errors
     /// When there is no such folder.
-    pub(super) fn new(path: &Path) -> io::Result<Self> {
+    pub(crate) fn new(path: &Path) -> io::Result<Self> {
         Ok(Self { path: path.to_owned(), place: place(path)? })
     }
 
     /// As the user named it.
-    pub(super) fn path(&self) -> &Path {
+    pub(crate) fn path(&self) -> &Path {
         &self.path
     }
 
     /// Whether both are the same file. A device such as `/dev/null` takes anything and never counts
     /// as the same.
-    pub(super) fn is_same(&self, other: &Path) -> bool {
+    pub(crate) fn is_same(&self, other: &Path) -> bool {
         self.is_file() && place(other).is_ok_and(|other| other == self.place)
     }
 
     /// Whether it is a file, or will be one.
-    pub(super) fn is_file(&self) -> bool {
+    pub(crate) fn is_file(&self) -> bool {
         fs::metadata(&self.place).map_or(true, |found| found.is_file())
     }
 
     /// Whether there is a file of something else: it neither is empty nor begins so.
-    pub(super) fn holds_other_than(&self, begins: &[u8]) -> bool {
+    pub(crate) fn holds_other_than(&self, begins: &[u8]) -> bool {
         if !self.is_file() {
             return false;
         }
@@ -56,7 +56,7 @@ impl Output {
     ///
     /// # Errors
     /// The cause that prevents the write. The old content is left then.
-    pub(super) fn write(
+    pub(crate) fn write(
         &self,
         content: impl Fn(&mut dyn Write) -> io::Result<()>,
     ) -> io::Result<()> {
