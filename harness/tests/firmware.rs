@@ -70,6 +70,45 @@ fn a_defect_of_the_firmware_is_found_by_fuzzing() {
     assert_eq!(exit, 0, "{said}");
 }
 
+/// The gate of `examples/ci` lets a green firmware pass, and names what is new in a red one.
+#[test]
+fn a_gate_tells_what_is_new() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    copy(folder);
+    compile(folder, "firmware", &["firmware.c"]);
+    compile(folder, "firmware-defects", &["firmware.c", "-DSTALE_LENGTH"]);
+    let gate = |reports: &str, only_new: &str, more: &[&str]| {
+        let mut gate = Command::new(project().join("examples/ci/gate"));
+        gate.current_dir(folder).args(["-q", "--dut", "device-under-test.yaml"]).args(more);
+        gate.args(["cia301/objects-types/shorter-*", "cia301/heartbeat/switched-off"]);
+        gate.env("HARNESS", env!("CARGO_BIN_EXE_harness")).env("REPORTS", reports);
+        gate.env("AGAINST", "good/journal.jsonl").env("ONLY_NEW", only_new);
+        let page = folder.join(format!("{reports}.md"));
+        let output = gate.env("GITHUB_STEP_SUMMARY", &page).output().expect("it starts");
+        let said = String::from_utf8_lossy(&output.stdout).into_owned();
+        (output.status.code(), said, fs::read_to_string(page).expect("a summary"))
+    };
+    let defects = ["--target", "exec:./firmware-defects"];
+
+    let (exit, said, page) = gate("good", "", &[]);
+    assert_eq!(exit, Some(0), "{said}");
+    assert!(page.contains("No requirement is broken"), "{page}");
+    let (exit, said, page) = gate("bad", "true", &defects);
+    assert_eq!(exit, Some(10), "{said}");
+    assert!(said.contains("changed firmware cia301/objects-types/shorter-"), "{said}");
+    assert!(page.contains("A regression"), "{page}");
+    let (exit, said, _) = gate("bad", "", &defects);
+    assert_eq!(exit, Some(1), "{said}");
+    for report in ["report.html", "report.json", "junit.xml", "journal.jsonl", "summary.md"] {
+        assert!(folder.join("bad").join(report).is_file(), "{report}");
+    }
+    // What is red as before passes where only what is new counts.
+    fs::copy(folder.join("bad/journal.jsonl"), folder.join("good/journal.jsonl")).expect("it is");
+    let (exit, said, _) = gate("known", "true", &defects);
+    assert_eq!(exit, Some(0), "{said}");
+}
+
 fn fuzz(folder: &Path, arguments: &[&str]) -> (i32, String) {
     let output = harness().current_dir(folder).arg("fuzz").args(arguments).output();
     let output = output.expect("it starts");
