@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use crate::run::Run;
-use crate::{html, json, junit, markdown};
+use crate::{html, json, junit, markdown, sarif};
 
 /// A report. A row of [`FORMATS`] is all that a new one needs: the command line takes its flag
 /// from there, the runner writes it, and a test compares it with its sample.
@@ -54,5 +54,12 @@ pub const FORMATS: &[Format] = &[
         begins: markdown::BEGINS,
         sample: "summary.md",
         write: markdown::write,
+    },
+    Format {
+        flag: "sarif",
+        help: "Write what needs work as SARIF, at the lines of data sheet and suites",
+        begins: sarif::BEGINS,
+        sample: "report.sarif",
+        write: sarif::write,
     },
 ];

@@ -22,6 +22,7 @@ pub mod pcapng;
 pub mod reason;
 mod recording;
 mod run;
+pub mod sarif;
 mod seen;
 mod story;
 mod style;

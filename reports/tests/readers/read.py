@@ -11,6 +11,8 @@ import sys
 
 import jsonschema
 import junitparser
+import sarif.loader
+import sarif_pydantic
 from selenium import webdriver
 from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.by import By
@@ -27,6 +29,7 @@ def main():
         jsonschema.validate(report, SCHEMA)
         junit_agrees(name, report)
         frames_are_read(name, report)
+        sarif_agrees(name, report)
     browser = chromium()
     try:
         for name in ["everything", "mutant", "compared"]:
@@ -50,6 +53,20 @@ def junit_agrees(name, report):
     assert xml.tests == sum(counts.values()), (xml.tests, counts)
     assert xml.failures == counts["FAIL"], (xml.failures, counts)
     assert xml.errors == counts["ERROR"], (xml.errors, counts)
+
+
+def sarif_agrees(name, report):
+    """Each cause is a result, at a line of a file."""
+    text = (OUT / f"{name}.sarif").read_text()
+    read = sarif_pydantic.Sarif.model_validate_json(text)
+    results = read.runs[0].results or []
+    assert len(results) == len(report["causes"]), (len(results), len(report["causes"]))
+    for result in results:
+        place = result.locations[0].physical_location
+        assert place.artifact_location.uri.startswith("suites/"), place
+        assert place.region.start_line > 0, place
+    counts = sarif.loader.load_sarif_file(str(OUT / f"{name}.sarif")).get_result_count()
+    assert counts == len(results), counts
 
 
 def frames_are_read(name, report):
