@@ -1,6 +1,7 @@
 //! Whole runs through every writer.
 
 mod fixture;
+mod hostile;
 
 use std::io::{self, Write};
 use std::path::Path;
