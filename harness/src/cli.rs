@@ -240,8 +240,8 @@ pub struct BookArgs {
     /// Which suites.
     #[command(flatten)]
     pub folders: Folders,
-    /// The file to write: a page where it ends with `.html`, else Markdown, which is printed without
-    /// this
+    /// The file to write: a page where it ends with `.html`, else Markdown, which is printed where
+    /// there is none
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
 }

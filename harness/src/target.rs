@@ -36,8 +36,8 @@ pub use sheet::models;
 pub(crate) use sheet::{dut_of_file, read_eds};
 
 /// The devices a selection means, beside the suites that are loaded for them. A mistake in what
-/// names a simulated device is told before suites are read, which takes longest; a bus is asked only
-/// when they are sound.
+/// names a simulated device is told before suites are read, which takes longest; a bus is asked
+/// only when they are sound.
 ///
 /// # Errors
 /// As [`resolve`], and what `load` refuses.

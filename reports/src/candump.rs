@@ -1,9 +1,10 @@
-//! The frames of a run as a log of candump, which `canplayer`, python-can and `harness decode` read.
+//! The frames of a run as a log of candump, which `canplayer`, python-can and `harness decode`
+//! read.
 
 use std::io::{self, Write};
 
 use crate::event::Event;
-use crate::recording::{Recorder, interface};
+use crate::recorder::{Recorder, interface};
 
 /// Writes the log.
 #[derive(Debug, Default)]

@@ -1,11 +1,8 @@
-//! A run against an earlier one: which causes are new, which are cured, and which cases changed.
+//! What is different from an earlier run: which causes are new, which are cured, and which cases
+//! changed.
 
-use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
-use crate::digest::clean;
-use crate::fact::facts;
-use crate::run::Run;
 use crate::verdict::Verdict;
 
 /// What is different from an earlier run.
@@ -37,28 +34,6 @@ pub struct Change {
 }
 
 impl Comparison {
-    /// What is different in `now` from `before`, on the devices that are tested now.
-    pub fn of(now: &Run, before: &Run) -> Self {
-        let tested = |device: &str| now.devices.iter().any(|it| it.info.device == device);
-        let (causes, old_causes) = (causes(now, tested), causes(before, tested));
-        let (verdicts, old_verdicts) = (verdicts(now, tested), verdicts(before, tested));
-        let names: BTreeSet<_> = verdicts.keys().chain(old_verdicts.keys()).collect();
-        let change = |key: &&(String, String)| {
-            let (before, now) = (old_verdicts.get(*key).copied(), verdicts.get(*key).copied());
-            let (device, name) = (*key).clone();
-            (before != now).then_some(Change { device, name, before, now })
-        };
-        let changed: Vec<Change> = names.iter().filter_map(change).collect();
-        let is_red = |verdict: Option<Verdict>| verdict.is_some_and(|it| now.is_red(it));
-        Self {
-            new: causes.difference(&old_causes).cloned().collect(),
-            cured: old_causes.difference(&causes).cloned().collect(),
-            as_before: causes.intersection(&old_causes).count(),
-            is_regression: changed.iter().any(|it| is_red(it.now) && !is_red(it.before)),
-            changed,
-        }
-    }
-
     /// Whether nothing is different.
     pub fn is_empty(&self) -> bool {
         self.new.is_empty() && self.cured.is_empty() && self.changed.is_empty()
@@ -115,24 +90,4 @@ pub(crate) const MOST_CHANGES: usize = 50;
 
 fn causes_of(count: usize) -> String {
     if count == 1 { "1 cause".to_owned() } else { format!("{count} causes") }
-}
-
-/// The causes, each with its device and its service.
-fn causes(run: &Run, of: impl Fn(&str) -> bool) -> BTreeSet<String> {
-    let facts = facts(run).into_iter().filter_map(|fact| {
-        // A fact may show on several devices.
-        let (_, device, case) = *fact.cases.iter().find(|it| of(&it.1.info.device))?;
-        let cause = fact.cause()?.to_string();
-        let named = device.info.objects.in_text(&cause);
-        Some(clean(&format!("{} {}: {named}", device.info.device, case.info.suite)))
-    });
-    facts.collect()
-}
-
-fn verdicts(run: &Run, of: impl Fn(&str) -> bool) -> BTreeMap<(String, String), Verdict> {
-    let cases = run.cases().filter(|(device, _)| of(&device.info.device));
-    let named = cases.map(|(device, case)| {
-        ((clean(&device.info.device), clean(&case.info.name())), case.verdict())
-    });
-    named.collect()
 }

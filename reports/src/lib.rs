@@ -5,6 +5,7 @@
 pub mod candump;
 mod cause;
 mod characteristics;
+mod compare;
 mod comparison;
 mod digest;
 mod event;
@@ -20,6 +21,7 @@ mod merge;
 mod names;
 pub mod pcapng;
 pub mod reason;
+mod recorder;
 mod recording;
 mod run;
 pub mod sarif;
@@ -32,6 +34,7 @@ mod wire;
 
 pub use cause::Cause;
 pub use characteristics::Characteristic;
+pub use compare::compared;
 pub use comparison::{Change, Comparison};
 pub use event::{
     Begun, CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Measured, Note, RunEnded,
@@ -42,7 +45,8 @@ pub use format::{FORMATS, Format};
 pub use junit::date;
 pub use merge::merged;
 pub use names::ObjectNames;
-pub use recording::{RECORDINGS, Recorder, Recording};
+pub use recorder::Recorder;
+pub use recording::{RECORDINGS, Recording};
 pub use run::{CaseRun, Counts, DeviceRun, Keep, OutOfOrder, Run, SuiteRun};
 pub use style::{Style, printable};
 pub use verdict::{Excerpt, Grade, Outcome, Phase, Problem, Verdict, Waiver};

@@ -28,7 +28,8 @@ pub fn merged(runs: Vec<Run>) -> Run {
         && let Some(missing) = missing(&shards)
     {
         ended.exit = ended.exit.max(NOT_WHOLE);
-        ended.reason = Some(ended.reason.take().map_or(missing.clone(), |it| it + "; " + &missing));
+        ended.reason =
+            Some(ended.reason.take().map_or_else(|| missing.clone(), |it| it + "; " + &missing));
     }
     all
 }

@@ -15,7 +15,7 @@ use pcap_file::pcapng::{Block, PcapNgBlock};
 use pcap_file::{DataLink, Endianness};
 
 use crate::event::{CaseStarted, Event};
-use crate::recording::{Recorder, interface};
+use crate::recorder::{Recorder, interface};
 use crate::style::printable;
 use crate::verdict::Outcome;
 

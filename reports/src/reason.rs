@@ -1,5 +1,5 @@
-//! The reasons why cases did not run: words in them, by which reports find what the user can change,
-//! and what they have in common.
+//! The reasons why cases did not run: words in them, by which reports find what the user can
+//! change, and what they have in common.
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;

@@ -1,9 +1,6 @@
-//! Recordings of the bus: files that are written while a run goes on, since nobody keeps all of its
-//! frames.
+//! The recordings of the bus that there are.
 
-use std::io::{self, Write};
-
-use crate::event::Event;
+use crate::recorder::Recorder;
 use crate::{candump, pcapng};
 
 /// A recording. A row of [`RECORDINGS`] is all that a new one needs.
@@ -19,21 +16,6 @@ pub struct Recording {
     pub sample: &'static str,
     /// Begins a recording.
     pub begin: fn() -> Box<dyn Recorder>,
-}
-
-/// Writes a recording, event by event.
-pub trait Recorder: Send {
-    /// Takes an event.
-    ///
-    /// # Errors
-    /// Those of the stream alone.
-    fn take(&mut self, event: &Event, out: &mut dyn Write) -> io::Result<()>;
-
-    /// Writes what was held back.
-    ///
-    /// # Errors
-    /// Those of the stream alone.
-    fn end(&mut self, out: &mut dyn Write) -> io::Result<()>;
 }
 
 /// Every recording.
@@ -53,13 +35,3 @@ pub const RECORDINGS: &[Recording] = &[
         begin: || Box::new(candump::Candump::default()),
     },
 ];
-
-/// The interface of a device in a recording.
-pub(crate) fn interface(target: &str, device: usize) -> String {
-    let is_name = |name: &&str| {
-        let known = |symbol: char| symbol.is_ascii_alphanumeric();
-        name.ends_with(|last: char| last.is_ascii_digit()) && name.chars().all(known)
-    };
-    let name = Some(target).filter(is_name);
-    name.map_or_else(|| format!("can{device}"), str::to_owned)
-}

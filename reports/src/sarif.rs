@@ -112,8 +112,10 @@ fn result(fact: &Fact<'_>) -> Option<Value> {
         }
         _ => json!([]),
     };
+    let first = case.info.checks.first();
+    let rule = first.map_or_else(|| "harness".to_owned(), |check| clean(&check.id));
     let mut result = json!({
-        "ruleId": case.info.checks.first().map_or("harness".into(), |check| clean(&check.id)),
+        "ruleId": rule,
         "level": level,
         "message": { "text": text },
         "locations": place.map(location).into_iter().collect::<Vec<_>>(),

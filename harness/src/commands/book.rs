@@ -333,9 +333,10 @@ const BEGINS_PAGE: &[u8] = b"<!DOCTYPE html>";
 
 const INTRODUCTION: &str = "\
 A requirement is a statement of a document, restated, with its clause. A *must* that is broken is a
-FAIL; a *should* or *may* is LENIENT at most. Each requirement has the cases that check it, with their
-steps in words: what the tester does, and what the device is to do. Where a document is ambiguous or
-contradicts itself, an interpretation says how it was decided, and why; all stand at the end.
+FAIL; a *should* or *may* is LENIENT at most. Each requirement has the cases that check it, with
+their steps in words: what the tester does, and what the device is to do. Where a document is
+ambiguous or contradicts itself, an interpretation says how it was decided, and why; all stand at
+the end.
 ";
 
 const HEAD: &str = "<!DOCTYPE html>

@@ -1,7 +1,7 @@
 //! `harness report`: writes reports from the journals of runs.
 
 use reports::terminal::{Printer, Verbosity};
-use reports::{Comparison, Event, Run, Style, journal, merged};
+use reports::{Event, Run, Style, compared, journal, merged};
 use runner::plan::is_named;
 
 use super::run::{journal_text, recorded};
@@ -22,7 +22,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Exit, Refused> {
     }
     let mut run = merged(runs);
     let earlier = args.against.as_deref().map(recorded).transpose()?;
-    run.comparison = earlier.map(|earlier| Comparison::of(&run, &earlier));
+    run.comparison = earlier.map(|earlier| compared(&run, &earlier));
     let regression = run.comparison.as_ref().is_some_and(|it| it.is_regression);
     let exit = if regression { Exit::Regression } else { Exit::Green };
     let reports = &args.reports;

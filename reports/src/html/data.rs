@@ -14,7 +14,7 @@ use crate::run::{CaseRun, DeviceRun, Run};
 use crate::story::{Done, Line, Story};
 use crate::verdict::{Excerpt, Outcome, Phase};
 
-#[derive(Serialize)]
+#[derive(Default, Serialize)]
 struct Data {
     devices: Vec<Device>,
     suites: Vec<Suite>,
@@ -22,14 +22,15 @@ struct Data {
     cases: Vec<Case>,
     reasons: Vec<String>,
     details: Vec<Details>,
-    /// Device, case, instance, verdict, milliseconds, frames, then a reason, details and figures by
-    /// their places, each counted from 1.
-    runs: Vec<(usize, usize, Option<String>, &'static str, f64, usize, usize, usize, usize)>,
+    runs: Vec<Instance>,
     /// Each with its unit, how many, the smallest, the mean, the largest, the strict and the
     /// lenient limits.
     figures: Vec<Vec<Figure>>,
 }
 
+/// Device, case, instance, verdict, milliseconds, frames, then a reason, details and figures by
+/// their places, each counted from 1.
+type Instance = (usize, usize, Option<String>, &'static str, f64, usize, usize, usize, usize);
 type Figure = (String, String, u64, f64, f64, f64, Option<String>, Option<String>);
 
 #[derive(Serialize)]
@@ -97,21 +98,6 @@ struct Tables<'r> {
     cases: HashMap<(&'r str, &'r str), usize>,
     checks: HashMap<(&'r str, Option<&'r str>), usize>,
     reasons: HashMap<&'r str, usize>,
-}
-
-impl Default for Data {
-    fn default() -> Self {
-        Self {
-            devices: Vec::new(),
-            suites: Vec::new(),
-            checks: Vec::new(),
-            cases: Vec::new(),
-            reasons: Vec::new(),
-            details: Vec::new(),
-            runs: Vec::new(),
-            figures: Vec::new(),
-        }
-    }
 }
 
 /// The place of an item in its table, where it is put when it is new.

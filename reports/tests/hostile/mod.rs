@@ -5,7 +5,7 @@ use std::sync::Arc;
 use canopen::Mux;
 use pcap_file::pcapng::PcapNgReader;
 use proptest::prelude::*;
-use reports::{Comparison, Event, FORMATS, Grade, Keep, Outcome, RECORDINGS, Run};
+use reports::{Event, FORMATS, Grade, Keep, Outcome, RECORDINGS, Run, compared};
 
 use crate::fixture;
 
@@ -119,7 +119,7 @@ proptest! {
         let mut named = run(&events);
         let mut plain = run(&said("x"));
         for run in [&mut named, &mut plain] {
-            let comparison = Comparison::of(run, &Run::default());
+            let comparison = compared(run, &Run::default());
             run.comparison = Some(comparison);
         }
         // In the page every text is one, and none is a tag.

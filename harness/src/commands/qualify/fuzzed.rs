@@ -294,10 +294,8 @@ fn table(all: &[Fuzzed], verbose: bool) -> String {
         let Row { mutants, found, guessed, named, taken } = row;
         let taken =
             if taken > 0 { format!(", {taken} taken for a freedom") } else { String::new() };
-        _ = writeln!(
-            text,
-            "{group:<14} {mutants:>4} mutants, {found:>4} found, {named:>4} of {guessed} named{taken}"
-        );
+        let named = format!("{named:>4} of {guessed} named{taken}");
+        _ = writeln!(text, "{group:<14} {mutants:>4} mutants, {found:>4} found, {named}");
     }
     let mut actions: Vec<usize> = all.iter().filter_map(|one| one.actions).collect();
     actions.sort_unstable();
