@@ -196,7 +196,12 @@ pub struct ReportArgs {
 
 impl Args for ReportArgs {
     fn augment_args(command: clap::Command) -> clap::Command {
-        let formats = FORMATS.iter().map(|format| (format.flag, format.help));
+        // A command whose flag has this name prints JSON itself.
+        let taken: Vec<String> =
+            command.get_arguments().map(|argument| argument.get_id().to_string()).collect();
+        let free = |flag: &str| taken.iter().all(|name| name != flag);
+        let formats = FORMATS.iter().filter(|format| free(format.flag));
+        let formats = formats.map(|format| (format.flag, format.help));
         let recordings = RECORDINGS.iter().map(|recording| (recording.flag, recording.help));
         command.args(formats.chain(recordings).map(|(flag, help)| {
             let file = Arg::new(flag).long(flag).value_name("FILE");
@@ -211,7 +216,7 @@ impl Args for ReportArgs {
 
 impl FromArgMatches for ReportArgs {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-        let path = |flag| matches.get_one::<PathBuf>(flag).cloned();
+        let path = |flag| matches.try_get_one::<PathBuf>(flag).ok().flatten().cloned();
         let recordings = RECORDINGS.iter();
         Ok(Self {
             formats: FORMATS.iter().filter_map(|it| Some((*it, path(it.flag)?))).collect(),
@@ -480,6 +485,9 @@ pub struct CampaignArgs {
     /// Begin with the freedoms that a run of this journal showed: what its LENIENT cases name
     #[arg(long, value_name = "JOURNAL")]
     pub after: Option<PathBuf>,
+    /// Print what the campaign showed as JSON
+    #[arg(long, conflicts_with = "goals")]
+    pub json: bool,
     /// The reports to write.
     #[command(flatten)]
     pub reports: ReportArgs,
@@ -501,9 +509,6 @@ pub struct CampaignArgs {
     /// Print in how many states each kind of action was tried
     #[arg(long)]
     pub goals: bool,
-    /// Print what the campaign showed as JSON
-    #[arg(long, conflicts_with = "goals")]
-    pub json: bool,
     /// Show no progress
     #[arg(short, long)]
     pub quiet: bool,

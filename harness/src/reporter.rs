@@ -230,7 +230,7 @@ fn outputs(
         reports.recordings.iter().map(|(it, path)| (it.flag, it.begins, path.as_path()));
     let journal = journal.map(|path| ("journal", reports::journal::BEGINS, path));
     let mut outputs: Vec<(&str, Output)> = Vec::new();
-    for (flag, begins, path) in formats.chain(recordings).chain(journal) {
+    for (flag, begins, path) in journal.into_iter().chain(formats).chain(recordings) {
         let output = Output::new(path).map_err(|error| not_written(path, &error))?;
         let others = outputs.iter().map(|(flag, other)| (format!("--{flag}"), other.path()));
         let mut others = read.iter().map(|(name, path)| ((*name).to_owned(), *path)).chain(others);
@@ -249,7 +249,8 @@ fn outputs(
         outputs.push((flag, output));
     }
     let formats = reports.formats.iter().map(|(format, _)| *format);
-    Ok(formats.zip(outputs.into_iter().map(|(_, output)| output)).collect())
+    let of_formats = outputs.into_iter().skip(usize::from(journal.is_some()));
+    Ok(formats.zip(of_formats.map(|(_, output)| output)).collect())
 }
 
 fn recordings(reports: &ReportArgs) -> Result<Vec<RecordingFile>, Refused> {
