@@ -74,6 +74,8 @@ pub(crate) struct Drr460 {
     switched: bool,
     /// The device restarts because of a bench action.
     restarts: bool,
+    /// It loads its defaults since it was switched on (7.1).
+    loading: bool,
     load: Load,
     panel: Panel,
     state: NmtState,
@@ -115,6 +117,7 @@ impl Drr460 {
             reports_boot: false,
             switched: false,
             restarts: false,
+            loading: false,
             load: Load::default(),
             panel: Panel::default(),
             state: NmtState::INITIALISING,
@@ -413,7 +416,7 @@ impl Drr460 {
             contacts: self.controller.terminals().contacts,
             error: self.outcome.flags != 0,
             command_on_q1: Controller::command_is_on_q1(&self.settings),
-            loads_defaults: self.loads_defaults(),
+            loads_defaults: self.rules.shows_loading(self.loading, self.loads_defaults()),
         };
         self.panel.show(now, &shown, &self.rules);
     }
@@ -443,7 +446,8 @@ impl Behaviour for Drr460 {
         (self.at, self.decided) = (now, now);
         self.io.reset(now, od);
         self.set_switches(od);
-        if self.loads_defaults() {
+        self.loading = self.loads_defaults();
+        if self.loading {
             self.memory.forget();
             self.controller.forget();
         }

@@ -52,7 +52,9 @@ pub(crate) fn judge(
             let at = instant(what);
             let at = if own_time { Instant(at.0.saturating_sub(LEAD)) } else { at };
             let what = What::Differs(Box::new(difference));
-            return (place.min(seen.len()), Some(End::Violation(Violation { at, what })));
+            // What the alignment added stands at the front.
+            let place = place.min(seen.len().saturating_sub(1));
+            return (place, Some(End::Violation(Violation { at, what })));
         }
     }
     (seen.len(), None)

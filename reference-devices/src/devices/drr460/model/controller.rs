@@ -141,7 +141,8 @@ impl Controller {
             return self.expand(master, measured, inputs, rules);
         }
         let set_point = self.set_point(inputs, process, settings, rules);
-        let sight = Sight { process, set_point, error };
+        let broken = rules.is_break(measured.sensor_error, error);
+        let sight = Sight { process, set_point, error, broken };
         let (command, manual, found) = self.command(inputs, &sight, settings, elapsed, rules);
         let sources = Sources {
             process,
@@ -381,7 +382,7 @@ impl Controller {
         rules: &Rules,
     ) -> (Wanted, bool, Option<Found>) {
         let asked = rules.manual(settings.manual, inputs.manual);
-        let breaks = sight.error && rules.break_leads_to_manual(settings.manual) && inputs.running;
+        let breaks = sight.broken && rules.break_leads_to_manual(settings.manual) && inputs.running;
         let manual = asked || breaks;
         (self.cooling, self.is_automatic) = (0.0, false);
         let goes_on = asked && rules.manual_goes_on_in_stop();
@@ -544,6 +545,8 @@ struct Sight {
     process: i64,
     set_point: i64,
     error: bool,
+    /// The sensor is broken, or its value out of range.
+    broken: bool,
 }
 
 /// Where a valve goes for what is wanted of the command.

@@ -218,6 +218,12 @@ decisions! {
         allowed != 0 && asked
     }
 
+    /// Only an error of the sensor is a break; one of the hardware or of the cold junction is none
+    /// (7.6).
+    fn is_break(&self, broken: bool, _error: bool) -> bool {
+        broken
+    }
+
     /// With memory, a broken sensor leads to manual mode (7.6).
     fn break_leads_to_manual(&self, allowed: i64) -> bool {
         allowed == 2
@@ -635,6 +641,12 @@ decisions! {
     /// Switches are read at power-on, not when they are moved (6.3).
     fn switches_act_at_once(&self) -> bool {
         false
+    }
+
+    /// All LEDs blink while the defaults are loaded; contact 4 that is closed later shows nothing
+    /// (6.3, 7.1).
+    fn shows_loading(&self, loading: bool, _closed: bool) -> bool {
+        loading
     }
 
     /// Contact 4 of DIP 2 loads the defaults at power-on (6.3, 7.1).

@@ -52,6 +52,7 @@ deviations! {
     "resettable-while-it-lasts" => resettable: |_, latched, _| latched;
     "manual-without-permission" => manual: |_, _, asked| asked;
     "break-leads-to-manual-without-memory" => break_leads_to_manual: |_, allowed| allowed != 0;
+    "any-error-is-a-break" => is_break: |_, broken, error| broken || error;
     "manual-kept-without-memory" => manual_kept: |_, allowed| allowed != 0;
     "output-limits-ignored" =>
         parameter: |_, sub, configured| match sub { 45 => 0, 46 => 100, _ => configured };
@@ -156,6 +157,7 @@ deviations! {
         Pattern::ThreeOff => Pattern::OneOff,
         other => other,
     };
+    "loading-shown-in-operation" => shows_loading: |_, loading, closed| loading || closed;
     "run-led-dark-while-loading" => loading_leds: |_, [_, first, second]| {
         [Pattern::SteadyOff, first, second]
     };
