@@ -93,7 +93,7 @@ impl Alarm {
             self.stop();
             return Wanted::State(settings.stop);
         }
-        if sight.error && NEEDS_PROCESS.contains(&settings.kind) {
+        if sight.error && rules.alarm_knows_errors(settings.kind) {
             return Wanted::State(settings.error);
         }
         if settings.cools() {
@@ -177,8 +177,6 @@ impl Alarm {
 const OFF: i64 = 0;
 const COOLING: i64 = 9;
 const WORKS_IN_STOP: i64 = 4;
-/// Kinds that mean nothing without a process value.
-const NEEDS_PROCESS: std::ops::RangeInclusive<i64> = 1..=5;
 
 #[cfg(test)]
 mod tests {

@@ -39,6 +39,12 @@ decisions! {
         }
     }
 
+    /// An alarm of this kind has the state of parameter 59 or 71 on an error (11.3.2). Cooling is a
+    /// decision of its own, and kind 11 shows the error.
+    fn alarm_knows_errors(&self, kind: i64) -> bool {
+        !matches!(kind, 9 | 11)
+    }
+
     /// Cooling is the output of an alarm, whose state on an error it has (11.3.2, subs 59 and 71).
     fn cooling_knows_errors(&self) -> bool {
         true

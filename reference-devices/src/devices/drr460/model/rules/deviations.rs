@@ -52,6 +52,8 @@ deviations! {
     "resettable-while-it-lasts" => resettable: |_, latched, _| latched;
     "manual-without-permission" => manual: |_, _, asked| asked;
     "break-leads-to-manual-without-memory" => break_leads_to_manual: |_, allowed| allowed != 0;
+    "alarms-without-process-know-no-errors" =>
+        alarm_knows_errors: |_, kind| matches!(kind, 1..=5);
     "any-error-is-a-break" => is_break: |_, broken, error| broken || error;
     "manual-kept-without-memory" => manual_kept: |_, allowed| allowed != 0;
     "output-limits-ignored" =>
