@@ -13,7 +13,7 @@ use reference_devices::change::Replica;
 use super::align::{LEAD, aligned};
 use super::lane::{Lane, Sent};
 use crate::blueprint::Blueprint;
-use crate::oracle::{Difference, End, Seen, Violation, What};
+use crate::oracle::{Difference, End, Seen, Violation, What, error_control};
 use crate::surface::Surface;
 
 /// A control cycle: what a device does within it, before or after it notices, nobody knows.
@@ -396,7 +396,7 @@ impl<'s> Judge<'s> {
         let others = self.others.get_or_insert_with(|| {
             let shifted = |by: &i64| Shifted {
                 lane: Lane::new(model.clone(), node),
-                events: shifted(seen, *by),
+                events: shifted(seen, *by, node),
                 next: 0,
             };
             by.iter().map(shifted).collect()
@@ -425,22 +425,22 @@ impl Shifted {
     }
 }
 
-/// What the tester did, at other times: nothing passes a look.
-fn shifted(seen: &[Seen], by: i64) -> Vec<(Instant, usize)> {
-    let own = |what: &Seen| match what {
-        Seen::Frame(stamped) => stamped.own,
-        Seen::Power(..) | Seen::Stimulus(..) => true,
-        _ => false,
-    };
+/// What the tester did, at other times: nothing passes a look, nor the first boot-up, which is at
+/// the same time for each replica.
+fn shifted(seen: &[Seen], by: i64, node: u8) -> Vec<(Instant, usize)> {
     let moved = |at: Instant| Instant(at.0.saturating_add_signed(by));
     let is_look = |what: &Seen| is_read(what) || matches!(what, Seen::Observed(..));
     let mut events: Vec<(Instant, usize)> = Vec::new();
+    let first_boot = boot_by_itself(seen, node);
     let mut last = Instant::ZERO;
     for (place, what) in seen.iter().enumerate() {
+        if let Some(boot) = first_boot.filter(|boot| *boot <= instant(what)) {
+            last = last.max(boot);
+        }
         if is_look(what) {
             last = last.max(instant(what));
         }
-        if own(what) {
+        if is_own(what) {
             let at = if is_read(what) { instant(what) } else { moved(instant(what)).max(last) };
             last = last.max(at);
             events.push((at, place));
@@ -461,6 +461,25 @@ fn shifted(seen: &[Seen], by: i64) -> Vec<(Instant, usize)> {
         }
     }
     events
+}
+
+/// When the device booted, where nothing that came at another time made it do so.
+fn boot_by_itself(seen: &[Seen], node: u8) -> Option<Instant> {
+    let id = Id::standard(error_control(node));
+    let boots = |what: &Seen| match what {
+        Seen::Frame(stamped) => stamped.frame.id == id && stamped.frame.data.first() == Some(&0),
+        _ => false,
+    };
+    seen.iter().take_while(|what| !is_own(what)).find(|what| boots(what)).map(instant)
+}
+
+/// Whether the tester did it.
+const fn is_own(what: &Seen) -> bool {
+    match what {
+        Seen::Frame(stamped) => stamped.own,
+        Seen::Power(..) | Seen::Stimulus(..) => true,
+        _ => false,
+    }
 }
 
 /// Whether it is a request that reads.
@@ -530,5 +549,28 @@ fn said(frame: Frame) -> String {
     match Response::decode(&frame.data) {
         Ok(Response::Abort(_, code)) => format!("abort {code}"),
         _ => frame.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use canopen::Stamped;
+
+    use super::*;
+
+    fn seen(micros: u64, own: bool, frame: &str) -> Seen {
+        let at = Instant(micros * 1000);
+        Seen::Frame(Stamped { at, frame: frame.parse().unwrap(), own })
+    }
+
+    #[test]
+    fn nothing_comes_before_the_boot_up_that_it_waited_for() {
+        let all = [seen(1_200_000, false, "701#00"), seen(1_201_000, true, "000#0101")];
+        let at = |by| shifted(&all, by, 1)[0].0;
+        assert_eq!(at(SHIFTS[0]), Instant(1_200_000_000));
+        assert_eq!(at(SHIFTS[1]), Instant(1_301_000_000));
+        // A boot-up after a reset comes earlier with the reset.
+        let reset = [seen(500_000, true, "000#8101"), all[0].clone(), all[1].clone()];
+        assert_eq!(shifted(&reset, SHIFTS[0], 1)[1].0, Instant(1_101_000_000));
     }
 }
