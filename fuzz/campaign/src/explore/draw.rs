@@ -96,6 +96,8 @@ const OTHER: u8 = 125;
 const ENDS: usize = 60;
 /// How many known sessions it tells again.
 const MOST_PARTS: usize = 4;
+/// How many settings around one of them it writes.
+const MOST_AROUND: usize = 3;
 /// How many objects a session asks for that may not exist.
 const STRANGERS: usize = 40;
 
@@ -201,6 +203,9 @@ impl Draw<'_> {
             for action in &known[..kept] {
                 self.reach(action);
             }
+            if self.chance(1, 2) {
+                self.surround(&known[..kept], further);
+            }
             for action in &known[..kept] {
                 self.repeat(action, further, changes);
             }
@@ -228,6 +233,36 @@ impl Draw<'_> {
             {
                 self.put(setting, *value);
             }
+        }
+    }
+
+    /// Writes what belongs to the settings of a known session and it leaves alone: what it shows
+    /// may be another thing in another mode, and it was made for one of them.
+    fn surround(&mut self, known: &[Action], further: i32) {
+        let own = |action: &Action| {
+            let setting = self.surface.setting(self.written_by(action)?)?;
+            Some(self.surface.kin(setting, further).unwrap_or(setting))
+        };
+        let own: Vec<usize> = known.iter().filter_map(own).collect();
+        if own.is_empty() {
+            return;
+        }
+        for _ in 0..1 + self.below(MOST_AROUND) {
+            let of = own[self.below(own.len())];
+            let next = self.companion(of);
+            if !own.contains(&next) {
+                self.write(next);
+            }
+        }
+    }
+
+    /// What an action writes.
+    fn written_by(&self, action: &Action) -> Option<Mux> {
+        let frame = action.frames.first()?;
+        let asks = frame.data_id() == Some(REQUEST_COB_ID + u16::from(self.node));
+        match Request::decode(&frame.data).ok().filter(|_| asks)? {
+            Request::Download(mux, _) => Some(mux),
+            _ => None,
         }
     }
 
@@ -847,5 +882,40 @@ fn sort(value: i64, low: i64, high: i64, default: Option<i64>) -> u8 {
         _ if value == high - 1 => NEAR_HIGH,
         _ if value < 0 => NEGATIVE,
         _ => POSITIVE,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use reference_devices::devices;
+
+    use super::*;
+    use crate::blueprint::Blueprint;
+    use crate::campaign::bytes;
+
+    #[test]
+    fn what_belongs_to_a_known_session_is_tried_with_it() {
+        let device = devices::device("drr460").unwrap();
+        let blueprint = Blueprint::of_reference(&device, 1, 1_000_000).unwrap();
+        let surface = blueprint.surface().unwrap();
+        // The source of the retransmission; its type and limits are beside it.
+        let (source, beside) = (Mux::new(0x3000, 100), Mux::new(0x3000, 101));
+        let request = Request::Download(source, Initiate::Expedited(Data::new(&[1, 0])));
+        let known = Action::new(Kind::Download, vec![request.frame(1)], Then::Wait(0));
+        let known = [vec![known]];
+        let told = (0..400).map(|number| {
+            let (bytes, coverage) = (bytes(1, number), Coverage::default());
+            let story = story(surface, 1, &bytes, &coverage, &known, LONGEST);
+            let writes = |mux| {
+                story.actions.iter().any(|action| {
+                    let request = action.frames.first().map(|frame| Request::decode(&frame.data));
+                    matches!(request, Some(Ok(Request::Download(known, _))) if known == mux)
+                })
+            };
+            (writes(source), writes(beside))
+        });
+        let told: Vec<_> = told.filter(|(source, _)| *source).collect();
+        let together = told.iter().filter(|(_, beside)| *beside).count();
+        assert!(12 * together > told.len(), "{together} of {}", told.len());
     }
 }
