@@ -90,8 +90,8 @@ pub(super) const LONGEST_ON_BUS: Duration = Duration::from_secs(3);
 const USUAL: Duration = Duration::from_secs(900);
 /// How many candidates are held against what was tried before.
 const CANDIDATES: usize = 4;
-/// A node that the device may monitor.
-const OTHER: u8 = 125;
+/// The nodes that the device may monitor: one may be lost while another one is there.
+const OTHERS: [u8; 2] = [125, 124];
 /// How many settings a session writes at the ends of their ranges.
 const ENDS: usize = 60;
 /// How many known sessions it tells again.
@@ -406,8 +406,8 @@ impl Draw<'_> {
             83..=85 => self.power(),
             86..=89 => self.store(),
             90..=94 => {
-                let data = [5];
-                let frame = Frame::new(heartbeat::COB_ID + u16::from(OTHER), data);
+                let other = OTHERS[self.below(OTHERS.len())];
+                let frame = Frame::new(heartbeat::COB_ID + u16::from(other), [5]);
                 self.act(Kind::Heartbeat, vec![frame], Then::Wait(2_000));
             }
             95 | 96 => {
@@ -857,7 +857,7 @@ impl Draw<'_> {
             (0x100D, _) => &[0, 1, 2, 3],
             (0x1015, _) => &[0, 0, 10, 1000],
             (0x1017, _) => &[0, 100, 1000, 5000],
-            (0x1016, _) => &[0, 0x7D_0064, 0x7D_01F4, 0x7D_07D0],
+            (0x1016, _) => &[0, 0x7D_0064, 0x7D_01F4, 0x7D_07D0, 0x7C_0064, 0x7C_01F4],
             (0x1029, _) => &[0, 1, 2],
             (0x1400..=0x15FF | 0x1800..=0x19FF, 2) => &[0, 1, 2, 10, 252, 253, 254, 255, 255],
             (0x1400..=0x15FF | 0x1800..=0x19FF, _) => &[0, 0, 100, 500, 1000],
