@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::{self, Read, Write};
+use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -36,6 +36,48 @@ pub(crate) fn read(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let mib = |bytes: u64| format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20));
     let has = if has == most + 1 { format!("more than {}", mib(most)) } else { mib(has) };
     Err(io::Error::other(format!("it has {has}, and may have {}", mib(most))))
+}
+
+/// The lines of a file that has `most` bytes at most, each with its end.
+pub(crate) struct Lines {
+    file: BufReader<File>,
+    number: usize,
+    /// How many bytes may still come.
+    left: u64,
+}
+
+impl Lines {
+    /// Opens the file.
+    ///
+    /// # Errors
+    /// Whatever keeps it from being opened.
+    pub(crate) fn open(path: &Path, most: u64) -> io::Result<Self> {
+        Ok(Self { file: BufReader::new(File::open(path)?), number: 0, left: most })
+    }
+}
+
+impl Iterator for Lines {
+    type Item = io::Result<String>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let mut line = Vec::new();
+        self.number += 1;
+        match self.file.by_ref().take(self.left + 1).read_until(b'\n', &mut line) {
+            Err(error) => Some(Err(error)),
+            Ok(0) => None,
+            Ok(length) if length as u64 > self.left => {
+                Some(Err(io::Error::other(format!("line {} is too far in it", self.number))))
+            }
+            Ok(length) => {
+                self.left -= length as u64;
+                let wrong = |_| {
+                    let message = format!("line {} is not UTF-8", self.number);
+                    io::Error::new(io::ErrorKind::InvalidData, message)
+                };
+                Some(String::from_utf8(line).map_err(wrong))
+            }
+        }
+    }
 }
 
 /// The text of a file that describes something.

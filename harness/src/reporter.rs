@@ -265,27 +265,26 @@ pub(crate) fn not_written(path: &Path, error: &std::io::Error) -> Refused {
     Refused { exit: Exit::File, message }
 }
 
-/// Writes the reports of runs that are recorded in `journals`: `run` is the whole, and `events` are
-/// what to record.
+/// Writes the reports of runs that are recorded in `journals`: `run` is the whole, and `tell` tells
+/// the events to record.
 ///
 /// # Errors
-/// A file that cannot be written, or that is not one of its own.
+/// A file that cannot be written, or that is not one of its own; what `tell` refuses.
 pub(crate) fn render(
     journals: &[PathBuf],
     reports: &ReportArgs,
     run: &Run,
-    events: impl Iterator<Item = Event>,
+    tell: impl FnOnce(&mut dyn FnMut(&Event) -> Result<(), String>) -> Result<(), Refused>,
 ) -> Result<(), Refused> {
     let journals: Vec<(&str, &Path)> = journals.iter().map(|it| ("the journal", &**it)).collect();
     let outputs = outputs(None, reports, &journals)?;
     let mut recordings = recordings(reports)?;
-    let failed =
-        |message: String| Refused { exit: Exit::File, message: format!("error: {message}") };
     if !recordings.is_empty() {
-        for event in events {
-            recordings.iter_mut().try_for_each(|it| it.write(&event)).map_err(failed)?;
-        }
-        recordings.iter_mut().try_for_each(RecordingFile::end).map_err(failed)?;
+        tell(&mut |event| recordings.iter_mut().try_for_each(|it| it.write(event)))?;
+        recordings
+            .iter_mut()
+            .try_for_each(RecordingFile::end)
+            .map_err(|why| Refused { exit: Exit::File, message: format!("error: {why}") })?;
     }
     for (format, output) in &outputs {
         let written = output.write(|out| (format.write)(run, out));

@@ -23,17 +23,21 @@ pub fn line(event: &Event) -> String {
 ///
 /// Each error has its line; the iterator can go on after it.
 pub fn read(text: &str) -> impl Iterator<Item = (usize, Result<Event, JournalError>)> {
-    text.split_inclusive('\n')
-        .enumerate()
-        .filter(|(_, line)| !line.trim().is_empty())
-        .map(|(place, line)| (line, place + 1, serde_json::from_str(line)))
-        .filter(|(line, _, event)| {
-            let cut_off = !line.ends_with('\n') && matches!(event, Err(error) if error.is_eof());
-            !cut_off
-        })
-        .map(|(_, number, event)| {
-            (number, event.map_err(|error| JournalError::parse(number, &error)))
-        })
+    let lines = text.split_inclusive('\n').enumerate();
+    lines.filter_map(|(place, line)| Some((place + 1, event(line, place + 1)?)))
+}
+
+/// The event of a line with its number, its end included; `None` of an empty one and of a last one
+/// that was cut off while it was written.
+pub fn event(line: &str, number: usize) -> Option<Result<Event, JournalError>> {
+    if line.trim().is_empty() {
+        return None;
+    }
+    match serde_json::from_str(line) {
+        Err(error) if error.is_eof() && !line.ends_with('\n') => None,
+        Err(error) => Some(Err(JournalError::parse(number, &error))),
+        Ok(event) => Some(Ok(event)),
+    }
 }
 
 /// Why a text is not a journal.

@@ -113,13 +113,18 @@ impl Run {
     pub fn fold(journal: &str, keep: Keep) -> Result<Self, JournalError> {
         let mut run = Self::new(keep).watching();
         for (line, event) in journal::read(journal) {
-            run.apply(&event?).map_err(|error| JournalError {
-                line,
-                column: 1,
-                why: error.to_string(),
-            })?;
+            run.take(line, &event?)?;
         }
         Ok(run)
+    }
+
+    /// Adds the event of a line of a journal.
+    ///
+    /// # Errors
+    /// That it cannot follow those before it.
+    pub fn take(&mut self, line: usize, event: &Event) -> Result<(), JournalError> {
+        let wrong = |error: OutOfOrder| JournalError { line, column: 1, why: error.to_string() };
+        self.apply(event).map_err(wrong)
     }
 
     /// Adds an event. Frames and remarks between two cases belong to none and are left

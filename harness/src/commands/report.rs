@@ -1,10 +1,10 @@
 //! `harness report`: writes reports from the journals of runs.
 
 use reports::terminal::{Printer, Verbosity};
-use reports::{Event, Run, Style, compared, journal, merged};
+use reports::{Event, Run, Style, compared, merged};
 use runner::plan::is_named;
 
-use super::run::{journal_text, recorded};
+use super::run::{for_each_event, recorded};
 use crate::cli::RenderArgs;
 use crate::exit::{Exit, Refused};
 use crate::reporter::{render, say_report};
@@ -37,14 +37,15 @@ pub(super) fn run(args: &RenderArgs) -> Result<Exit, Refused> {
         }
         return Ok(exit);
     }
-    let texts = match reports.recordings.is_empty() {
-        true => Vec::new(),
-        false => args.journals.iter().map(|path| journal_text(path)).collect::<Result<_, _>>()?,
-    };
-    let events = texts.iter().flat_map(|text| journal::read(text));
     let mut chosen = Chosen { pattern: args.case.as_deref(), is_in: args.case.is_none() };
-    let events = events.filter_map(|(_, event)| event.ok()).filter(|event| chosen.has(event));
-    render(&args.journals, reports, &run, events)?;
+    render(&args.journals, reports, &run, |record| {
+        args.journals.iter().try_for_each(|path| {
+            for_each_event(path, |_, event| match chosen.has(&event) {
+                true => record(&event),
+                false => Ok(()),
+            })
+        })
+    })?;
     Ok(exit)
 }
 

@@ -5,7 +5,7 @@ use std::mem::ManuallyDrop;
 use std::path::{Path, PathBuf};
 
 use canopen::{BusError, Instant};
-use reports::{Event, Identity, Keep, Note, Run, RunEnded, Verdict};
+use reports::{Event, Identity, Keep, Note, Run, RunEnded, Verdict, journal};
 use runner::parallel::{self, InTurn, processors};
 use runner::plan::{Instance, Plan};
 use runner::protect::Deed;
@@ -20,7 +20,7 @@ use super::select::select;
 use crate::bus::unix_time;
 use crate::cli::RunArgs;
 use crate::exit::{Exit, Refused};
-use crate::files::{LARGEST_JOURNAL, read, read_source, text, words};
+use crate::files::{LARGEST_JOURNAL, Lines, read_source, words};
 use crate::reporter::{Reporter, harmless, started};
 use crate::target::{Connection, DEFAULT_BIT_RATE, Selection, Target};
 use crate::undo_log::{self, Changes, UndoLog};
@@ -165,20 +165,33 @@ fn forget<T>(whole: T) {
 /// # Errors
 /// When it cannot be read, or is no journal.
 pub(super) fn recorded(path: &Path) -> Result<Run, Refused> {
-    let journal = journal_text(path)?;
-    Run::fold(&journal, Keep::Unusual).map_err(|why| unread(path, &why.to_string()))
+    let mut run = Run::new(Keep::Unusual).watching();
+    for_each_event(path, |line, event| run.take(line, &event).map_err(|why| why.to_string()))?;
+    Ok(run)
 }
 
-/// The text of a journal.
+/// Takes the events of a journal one after the other: it may be many times as large as what a report
+/// keeps of it.
 ///
 /// # Errors
-/// When it cannot be read.
-pub(super) fn journal_text(path: &Path) -> Result<String, Refused> {
-    read(path, LARGEST_JOURNAL).and_then(text).map_err(|why| unread(path, &words(&why)))
-}
-
-fn unread(path: &Path, why: &str) -> Refused {
-    Refused { exit: Exit::File, message: format!("error: {}: {why}", path.display()) }
+/// When it cannot be read, or is no journal, or `take` refuses an event.
+pub(super) fn for_each_event(
+    path: &Path,
+    mut take: impl FnMut(usize, Event) -> Result<(), String>,
+) -> Result<(), Refused> {
+    let refused = |why: String| {
+        let message = format!("error: {}: {why}", path.display());
+        Refused { exit: Exit::File, message }
+    };
+    let lines = Lines::open(path, LARGEST_JOURNAL).map_err(|error| refused(words(&error)))?;
+    for (place, line) in lines.enumerate() {
+        let line = line.map_err(|error| refused(words(&error)))?;
+        if let Some(event) = journal::event(&line, place + 1) {
+            let event = event.map_err(|why| refused(why.to_string()))?;
+            take(place + 1, event).map_err(refused)?;
+        }
+    }
+    Ok(())
 }
 
 /// The names of the cases that made the run of a journal red.
