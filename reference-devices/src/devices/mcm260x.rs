@@ -85,6 +85,8 @@ pub(crate) struct Mcm260x {
     next_phase: Option<Instant>,
     /// When the objects were shown last.
     now: Instant,
+    /// When the counts were last looked at for TPDOs with news.
+    looked: Instant,
     /// Something happened since the last run.
     changed: bool,
 }
@@ -131,6 +133,7 @@ impl Mcm260x {
             announced: false,
             next_phase: None,
             now: Instant::ZERO,
+            looked: Instant::ZERO,
             changed: true,
         }
     }
@@ -379,6 +382,7 @@ impl Behaviour for Mcm260x {
     }
 
     fn run(&mut self, now: Instant, od: &mut Dictionary, errors: &mut Errors) {
+        self.looked = now;
         if self.changed || self.now < now {
             self.show(now, od);
         }

@@ -80,15 +80,20 @@ impl Mcm260x {
         }
     }
 
-    /// The next multiple of the period at which counts are looked at.
+    /// The next multiple of the period at which counts are looked at. A reader in between shows
+    /// them, and leaves it where it is.
     pub(super) fn next_look(&self) -> Option<Instant> {
+        if !self.rules.looks_while_turning() {
+            return None;
+        }
+        let after = |period| Instant((self.looked.0 / period + 1) * period);
         let counts = |(encoder, setup): (&Encoder, &Setup)| {
             setup.mode != 0 && encoder.motion.millihertz != 0
         };
         if self.encoders.iter().zip(&self.setups).any(counts) {
-            return Some(Instant((self.now.0 / LOOK + 1) * LOOK));
+            return Some(after(LOOK));
         }
-        self.is_turning().then_some(self.next_tenth)
+        self.is_turning().then(|| after(TENTH.as_nanos() as u64))
     }
 
     /// Whether counts change, or those of an interval will.

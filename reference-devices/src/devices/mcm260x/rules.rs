@@ -56,6 +56,11 @@ decisions! {
         0
     }
 
+    /// While a shaft turns, its counts are looked at for the TPDOs that map them (11.2.21).
+    fn looks_while_turning(&self) -> bool {
+        true
+    }
+
     /// A new setup leaves the count as it is.
     fn count_in_new_setup(&self, count: i32) -> i32 {
         count
