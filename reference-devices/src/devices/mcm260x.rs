@@ -271,7 +271,7 @@ impl Behaviour for Mcm260x {
         self.io.reset(now, od);
         self.now = now;
         self.powered = true;
-        self.inside.start();
+        self.inside.start(&self.rules);
         self.state = NmtState::INITIALISING;
         self.offline = false;
         self.heard = None;

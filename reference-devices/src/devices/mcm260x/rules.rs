@@ -10,6 +10,7 @@ use super::indicators::{Pattern, Phase};
 use super::parameters::Item;
 use super::sensor::Wiring;
 use crate::decisions::{Layers, in_code_alone};
+use crate::devices::pixsys::emergency::Module;
 
 /// All decisions of a module; clauses are those of its manual.
 pub(crate) type Mcm260xRules = Layers<Decision>;
@@ -22,7 +23,7 @@ pub(crate) struct Diagnosis {
     pub(super) vendor: [u8; 5],
 }
 
-in_code_alone! { Diagnosis, Phase, Wiring }
+in_code_alone! { Diagnosis, Module, Phase, Wiring }
 
 decisions! {
     /// The decisions. The default methods are a summary of what the manual says.
@@ -140,6 +141,11 @@ decisions! {
     /// A fault of the terminal has its bit in 4007h sub 2 (11.3.8).
     fn terminal_flag(&self, bit: u8) -> u8 {
         bit
+    }
+
+    /// A board of another kind than at the last store command is another one (11.9).
+    fn board_differs(&self, board: Module, stored: Module) -> bool {
+        board.differs(stored)
     }
 
     /// The board inside has the messages of a module (11.9).

@@ -63,9 +63,10 @@ impl Module {
         ("faulty", Self::Faulty),
     ];
 
-    /// Whether it is another one than at the last store command.
+    /// Whether it is another one than at the last store command. One that fails is of the kind that
+    /// was fitted.
     pub(crate) fn differs(self, stored: Self) -> bool {
-        self == Self::Other && stored != Self::Other
+        (self == Self::Other) != (stored == Self::Other)
     }
 }
 
@@ -198,6 +199,14 @@ mod tests {
         reports(found, bus, module)
             .map(|report| (report.code.0, report.register, report.vendor))
             .collect()
+    }
+
+    #[test]
+    fn either_kind_of_board_differs_from_the_other() {
+        let kinds = [Module::Fitted, Module::Other];
+        assert_eq!(kinds.map(|stored| Module::Other.differs(stored)), [true, false]);
+        assert_eq!(kinds.map(|stored| Module::Fitted.differs(stored)), [false, true]);
+        assert_eq!(kinds.map(|stored| Module::Faulty.differs(stored)), [false, true]);
     }
 
     #[test]

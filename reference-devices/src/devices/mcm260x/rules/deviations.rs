@@ -8,6 +8,7 @@ use super::super::indicators::{Pattern, Phase};
 use super::super::parameters::{Item, SMALL_FREQUENCY};
 use super::super::sensor::Wiring;
 use super::{Decision, Diagnosis, Mcm260xRules};
+use crate::devices::pixsys::emergency::Module;
 
 /// A module that takes one code of a parameter for another one.
 fn taken_for(item: Item, from: i64, to: i64) -> impl Fn(&Mcm260xRules, Item, i64) -> i64 {
@@ -101,6 +102,8 @@ deviations! {
     pub(super) DEVIATIONS of Decision;
 
     "low-word-with-sign" => joined_words: |_, high, low| (high << 16) + low;
+    "first-board-always-known" =>
+        board_differs: |_, board, stored| board == Module::Other && board.differs(stored);
     "fourth-preset-in-the-third" => preset_place: |_, place| place.min(2);
     "loads-when-it-looks" => loaded_at: |_, _, to| to;
     "second-of-the-last-tenth" => windows: |_, _, tenth| (tenth * 10, tenth);
