@@ -212,5 +212,10 @@ mod tests {
         }
         let seen = sampled(&[(Item::SensorType, 9)], celsius(100.0), 60.0);
         assert_eq!(seen, Sample::Valid(1000.0));
+        let shorted = Connected { wiring: Wiring::Shorted, ..Connected::default() };
+        for (terminals, expected) in [(-5.0, 0.0), (31.0, 310.0), (60.0, 500.0)] {
+            let seen = sampled(&[(Item::SensorType, 4)], shorted, terminals);
+            assert_eq!(seen, Sample::Valid(expected), "a junction at {terminals} degrees");
+        }
     }
 }

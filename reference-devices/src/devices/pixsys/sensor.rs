@@ -137,8 +137,8 @@ fn temperature(
     let celsius = match connected.wiring {
         Wiring::Connected if place < THERMOCOUPLES => connected.celsius - lag,
         Wiring::Connected => connected.celsius,
-        // A short circuit is a junction at the terminals.
-        Wiring::Shorted if place < THERMOCOUPLES => terminals,
+        // A short circuit is a junction at the terminals, compensated like any other.
+        Wiring::Shorted if place < THERMOCOUPLES => terminals - lag,
         // The resistance of an NTC falls with the temperature.
         Wiring::Shorted => return if place == NTC { hot } else { cold },
         Wiring::Broken => return if place == NTC { cold } else { hot },
