@@ -208,6 +208,8 @@ decisions! {
 deviations! {
     DEVIATIONS of ErrorControlDecision;
 
+    "errors-change-pre-operational" => errors_change:
+        |_, state| matches!(state, NmtState::OPERATIONAL | NmtState::PRE_OPERATIONAL);
     "heartbeat-period-doubled" => heartbeat_period: |_, configured| configured * 2;
     "heartbeat-period-drifts" => heartbeat_period: |_, configured| configured * 101 / 100;
     "heartbeat-period-of-15-bits" => heartbeat_period: |_, configured| {
