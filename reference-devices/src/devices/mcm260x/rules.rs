@@ -377,6 +377,12 @@ decisions! {
         upper - lower
     }
 
+    /// Gain and offset belong to the value that is shown, not to the samples that it is made of, so
+    /// that no sample is rejected for them (chapters 6 and 7).
+    fn calibrates_samples(&self) -> bool {
+        false
+    }
+
     /// The gain is applied before the offset is added (chapters 6 and 7).
     fn calibrated(&self, digits: f64, gain: f64, offset: f64) -> f64 {
         digits * (1.0 + gain / 1000.0) + offset

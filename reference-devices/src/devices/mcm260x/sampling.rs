@@ -21,6 +21,8 @@ pub(super) struct AnalogueInput {
     sensor: Option<i64>,
     out_of_range: bool,
     off: bool,
+    /// The average, in digits without gain and offset.
+    measured: f64,
     /// Digits, to be shown in 6401h.
     pub(super) value: i64,
     next: Option<Instant>,
@@ -58,6 +60,7 @@ impl AnalogueInput {
         if changed {
             // The next sample sees any change.
             self.next = (!self.is_settled(sample)).then(|| after(now, period));
+            self.show(place, parameters);
         }
     }
 
@@ -106,14 +109,27 @@ impl AnalogueInput {
             self.samples.pop_front();
         }
         let sum = self.samples.iter().sum();
-        self.value = shown(parameters.rules.average(sum, self.samples.len()));
+        self.measured = parameters.rules.average(sum, self.samples.len());
+        self.show(place, parameters);
+    }
+
+    /// Shows what is measured with the gain and the offset of now.
+    fn show(&mut self, place: usize, parameters: Parameters) {
+        // Without samples the value is that of an input which is off or out of range.
+        if self.samples.is_empty() {
+            return;
+        }
+        self.value = match parameters.rules.calibrates_samples() {
+            true => shown(self.measured),
+            false => shown(sensor::calibrated(self.measured, place, parameters)),
+        };
     }
 
     /// Whether a sample counts: it is near the value, or samples were discarded for too long. In
     /// the latter case the average restarts.
     fn accepts(&mut self, now: Instant, digits: f64, place: usize, parameters: Parameters) -> bool {
         let near = parameters.value(Item::MaximumDifference, place) as f64;
-        let difference = digits - self.value as f64;
+        let difference = digits - self.measured.round();
         if self.samples.is_empty() || parameters.rules.is_near(difference, near) {
             self.discarding = self.discarding.filter(|_| !parameters.rules.rejection_begins_anew());
             return true;
@@ -234,6 +250,16 @@ mod tests {
         bench.at(1210, 0.61);
         bench.at(1410, 5.0);
         assert_eq!([1900, 1999, 2000].map(|at| bench.value_at(at)), [61, 61, 500]);
+    }
+
+    #[test]
+    fn an_offset_is_no_step_of_the_signal() {
+        let mut bench = Bench::with(&[(Item::Frequency, 3)]);
+        bench.od.set_int(Table::Analogue.address(Item::Offset, 2).unwrap(), 240);
+        assert_eq!(bench.value_at(150), 240, "further than a sample may be away");
+        bench.at(250, 0.2);
+        assert_eq!(bench.value_at(2000), 260);
+        assert_eq!(bench.input.poll_at(), None, "settled");
     }
 
     #[test]

@@ -10,7 +10,7 @@ use crate::devices::pixsys::sensor::{Seen, Sensor};
 pub(super) enum Sample {
     /// The input is switched off.
     Off,
-    /// Digits, calibrated.
+    /// Digits, not calibrated.
     Valid(f64),
     /// The signal is out of the range of the sensor: the digits of the nearest end of it.
     OutOfRange(f64),
@@ -45,13 +45,19 @@ pub(super) fn sample(
         _ => return Sample::Off,
     };
     match seen {
-        Seen::Value(value) => {
-            let gain = parameters.value(Item::Gain, place) as f64;
-            let offset = parameters.value(Item::Offset, place) as f64;
-            Sample::Valid(parameters.rules.calibrated(digits(value), gain, offset))
+        Seen::Value(value) if parameters.rules.calibrates_samples() => {
+            Sample::Valid(calibrated(digits(value), place, parameters))
         }
+        Seen::Value(value) => Sample::Valid(digits(value)),
         Seen::Outside(end) => Sample::OutOfRange(digits(end)),
     }
+}
+
+/// Digits of an input, counted from 0, with its gain and offset.
+pub(super) fn calibrated(digits: f64, place: usize, parameters: Parameters) -> f64 {
+    let gain = parameters.value(Item::Gain, place) as f64;
+    let offset = parameters.value(Item::Offset, place) as f64;
+    parameters.rules.calibrated(digits, gain, offset)
 }
 
 /// The digits of a temperature: tenths of a degree in the unit that is selected.
@@ -192,8 +198,14 @@ mod tests {
     fn unit_gain_and_offset() {
         let with = |items: &[(Item, i64)], degrees| {
             let items = [&[(Item::SensorType, 1)], items].concat();
-            match sampled(&items, celsius(degrees), 25.0) {
-                Sample::Valid(digits) => digits.round() as i64,
+            let mut od = parameters_only();
+            for (item, value) in items {
+                od.set_int(Table::Analogue.address(item, 1).unwrap(), value);
+            }
+            let rules = &Mcm260xRules::plain();
+            let parameters = Parameters { table: Table::Analogue, od: &od, rules };
+            match sample(celsius(degrees), 25.0, 1, parameters) {
+                Sample::Valid(digits) => calibrated(digits, 1, parameters).round() as i64,
                 other => panic!("{other:?}"),
             }
         };
