@@ -73,6 +73,17 @@ fn the_number_of_workers_changes_nothing() {
 }
 
 #[test]
+fn a_session_that_took_longer_than_the_campaign_has_counts() {
+    let folder = tempfile::tempdir().unwrap();
+    let program = format!("exec:{} serve em66 --stdio", env!("CARGO_BIN_EXE_harness"));
+    let arguments = ["--target", &program, "--oracle", "em66", "--time", "0s", "--json"];
+    let output = fuzz(folder.path(), &arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let shown: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(shown["sessions"], 1, "{}", said(&output));
+}
+
+#[test]
 fn what_a_run_showed_is_believed() {
     let folder = tempfile::tempdir().unwrap();
     let target = "sim:generic?freedom=sync-of-any-length";

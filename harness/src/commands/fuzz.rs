@@ -154,12 +154,14 @@ fn play(
         // What may be done a number of times is done by one after the other.
         Place::Virtual(_) | Place::Bus(_) => 1,
     };
-    // What was tried before steers an exploration, so the number of workers must not decide how
-    // much that is.
-    let ahead = match workers {
-        _ if campaign.blueprint().surface().is_some() => GENERATION,
-        1 => 1,
-        _ => workers * AHEAD,
+    let ahead = match place {
+        // Its time is real: none is spent on a session that may not count.
+        Place::Bus(_) => 1,
+        // What was tried before steers an exploration, so the number of workers must not decide how
+        // much that is.
+        Place::Virtual(_) if campaign.blueprint().surface().is_some() => GENERATION,
+        Place::Virtual(_) if workers == 1 => 1,
+        Place::Virtual(_) => workers * AHEAD,
     };
     let (first, of) = args.shard.map_or((0, 1), |shard| (shard.place as u64, shard.of as u64));
     let most = args.sessions.or_else(|| args.time.map(|_| u64::MAX)).unwrap_or(SESSIONS);
@@ -173,9 +175,6 @@ fn play(
             if stop.asked() {
                 return (findings, Some(BusError::Interrupted));
             }
-            if clock.is_over() || findings.len() >= args.max_findings {
-                return (findings, None);
-            }
             let found = match played.and_then(|played| campaign.take(place, number, played)) {
                 Ok(found) => found,
                 Err(error) => return (findings, Some(error)),
@@ -184,6 +183,10 @@ fn play(
             findings.extend(found);
             done += 1;
             record.progress(line(campaign.tally(), findings.len(), &clock));
+            // Only now, since a session that was played counts.
+            if clock.is_over() || findings.len() >= args.max_findings {
+                return (findings, None);
+            }
             if campaign.lessons() != lessons {
                 break;
             }
