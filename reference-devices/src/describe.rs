@@ -46,6 +46,9 @@ pub struct Description {
     pub behaviour: String,
     /// Options of its profiles that it does not have.
     pub without: Vec<String>,
+    /// What its bench shows and an exploration does not judge, with the interpretation that leaves
+    /// it open.
+    pub not_judged: BTreeMap<String, String>,
     /// Bits and codes, by the names that its profiles have for them.
     pub names: BTreeMap<String, i64>,
     /// Groups of objects that its profiles repeat.
@@ -224,6 +227,7 @@ impl Description {
             profiles: values(file.profiles),
             behaviour: file.behaviour.value,
             without: values(file.without),
+            not_judged: file.not_judged.into_iter().map(|(name, by)| (name, by.value)).collect(),
             default_node: file.default_node.value,
             notes: Arc::default(),
             heads: Arc::default(),
@@ -379,6 +383,7 @@ mod tests {
                 "15:16: the device has no object 2F30:01",
             ),
             ("lss: false", "lss: false\nwithout: [suction]", "no option `suction`"),
+            ("lss: false", "lss: false\nnot-judged: { led: A-I-1 }", "no bench has a `led`"),
             (
                 "\"1017\": {}",
                 "\"6200\": { access: rw }",

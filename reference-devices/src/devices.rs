@@ -233,6 +233,7 @@ impl ReferenceDevice {
             profiles: Vec::new(),
             behaviour: "inert".to_owned(),
             without: Vec::new(),
+            not_judged: BTreeMap::new(),
             names: BTreeMap::new(),
             blocks: BTreeMap::new(),
             default_node: node,

@@ -141,7 +141,7 @@ impl Surface {
             }
         }
         surface.take_pdos(device, node);
-        surface.take_bench(built);
+        surface.take_bench(built, &description.not_judged);
         surface
     }
 
@@ -175,8 +175,8 @@ impl Surface {
         }
     }
 
-    /// What the bench takes and shows.
-    fn take_bench(&mut self, built: &dyn Replica) {
+    /// What the bench takes and shows, without what the documents of the device leave open.
+    fn take_bench(&mut self, built: &dyn Replica, open: &BTreeMap<String, String>) {
         for name in built.bench_names() {
             let takes = |value: &Value| {
                 let (mut device, mut out) = (built.replica(), Outbox::default());
@@ -184,7 +184,7 @@ impl Surface {
             };
             let values = values_of(&name).and_then(|values| values.kept(takes));
             match values {
-                _ if name == POWER => {}
+                _ if name == POWER || open.contains_key(&name) => {}
                 Some(values) => self.stimuli.push(Source { name: name.into(), values }),
                 None => self.shown.push(name.into()),
             }

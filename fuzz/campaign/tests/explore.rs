@@ -71,6 +71,15 @@ fn what_a_document_leaves_open_is_learnt() {
 }
 
 #[test]
+fn what_a_device_says_is_open_is_not_judged() {
+    let device = devices::device("mcm260x-9ad").unwrap();
+    let mutants = mutant::of(&device).unwrap();
+    let dark = mutants.iter().find(|known| known.name == "mcm-com-led-dark").unwrap();
+    let shown = explored(&device, &dark.deviation(), 20);
+    assert!(shown.findings.is_empty(), "{:?}", text(&shown.findings));
+}
+
+#[test]
 fn mutants_of_applications_are_found_and_named() {
     for (name, mutant) in [
         ("drr460", "filter-on-by-default"),

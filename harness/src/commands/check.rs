@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use canopen::catalogue::Catalogue;
+use canopen::source::Outline;
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::freedom::{self, Freedom};
 use reference_devices::mutant::{self, Mutant};
@@ -208,7 +209,7 @@ fn sound_freedoms(
     register: &Register,
 ) -> Result<Vec<Freedom>, Vec<Complaint>> {
     let freedoms = freedom::of(device)?;
-    let mut complaints = Vec::new();
+    let mut complaints = unknown_decisions(device, register);
     for freedom in &freedoms {
         complaints.extend(freedom.deviation().complaints(device));
         if freedom.allowed_by.is_empty() {
@@ -226,6 +227,20 @@ fn sound_freedoms(
         }
     }
     if complaints.is_empty() { Ok(freedoms) } else { Err(complaints) }
+}
+
+/// What a device says it leaves open by a decision that the register does not have.
+fn unknown_decisions(device: &ReferenceDevice, register: &Register) -> Vec<Complaint> {
+    let known = |id: &str| register.decision(id).is_some() || register.lacks_document_of(id);
+    let open = device.description.not_judged.iter().filter(|(_, id)| !known(id));
+    let complain = |(name, id): (&String, &String)| {
+        let meant = did_you_mean(id, register.decision_ids());
+        let place =
+            Outline::of(&device.source).and_then(|outline| outline.key(&["not-judged", name]));
+        let message = format!("the register has no interpretation {id}{meant}");
+        Complaint { source: Arc::clone(&device.source), place, message }
+    };
+    open.map(complain).collect()
 }
 
 /// Only these suites, with the whole register.

@@ -40,6 +40,10 @@ pub struct DeviceFile {
     /// Options of its profiles that it does not have.
     #[serde(default)]
     pub(super) without: Vec<At<String>>,
+    /// What its bench shows and its documents leave open, each with the interpretation that says
+    /// so: `harness fuzz` does not judge it.
+    #[serde(default)]
+    pub(super) not_judged: BTreeMap<String, At<String>>,
     /// Bit rates it can be set to, in kbit/s.
     pub(super) bit_rates: Vec<At<u32>>,
     /// Node id unless another one is given.

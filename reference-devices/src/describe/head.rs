@@ -49,6 +49,11 @@ pub(super) fn check(
     complaints.extend(bit_rates(source, &file.bit_rates));
     complaints.extend(texts(source, &file.texts()));
     complaints.extend(options(source, &file.without, &file.profiles, known.catalogue));
+    let unknown = file.not_judged.iter().filter(|(name, _)| !canopen::bench::is_known(name));
+    complaints.extend(unknown.map(|(name, by)| {
+        let message = format!("no bench has a `{name}`");
+        Complaint::at(source, by.place, message)
+    }));
     if complaints.is_empty() { Ok(()) } else { Err(complaints) }
 }
 
