@@ -170,8 +170,8 @@ pub(super) fn recorded(path: &Path) -> Result<Run, Refused> {
     Ok(run)
 }
 
-/// Takes the events of a journal one after the other: it may be many times as large as what a report
-/// keeps of it.
+/// Takes the events of a journal one after the other: it may be many times as large as what a
+/// report keeps of it.
 ///
 /// # Errors
 /// When it cannot be read, or is no journal, or `take` refuses an event.
