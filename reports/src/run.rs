@@ -13,7 +13,7 @@ use crate::event::{
     Stimulus,
 };
 use crate::journal::{self, JournalError};
-use crate::verdict::{Grade, Outcome, Verdict};
+use crate::verdict::{Grade, Outcome, Problem, Verdict};
 
 /// Of which cases the frames are kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -347,6 +347,17 @@ impl CaseRun {
     /// The verdict alone.
     pub const fn verdict(&self) -> Verdict {
         self.outcome.verdict()
+    }
+
+    /// The step that was judged, where it is kept.
+    pub(crate) fn step_of(&self, problem: &Problem) -> Option<&Begun> {
+        let place = (problem.phase, problem.place.line);
+        self.steps.iter().rfind(|step| step.at <= problem.at && (step.phase, step.line) == place)
+    }
+
+    /// A time in the case, since it began.
+    pub(crate) fn since_begin(&self, at: Instant) -> Instant {
+        Instant(u64::try_from(at.since(self.info.at).as_nanos()).unwrap_or(u64::MAX))
     }
 
     /// How long it took on the bus.

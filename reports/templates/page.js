@@ -153,10 +153,15 @@ function fillCase(panel, run) {
   }
   if (device.rerun) {
     const command = device.rerun + ' ' + quoted(run.name);
-    const copy = make('button', 'copy', 'copy');
-    copy.type = 'button';
-    copy.addEventListener('click', () => navigator.clipboard.writeText(command).then(() => { copy.textContent = 'copied'; }));
-    field(list, 'run again', make('code', '', command), copy);
+    const again = [make('code', '', command)];
+    /* A page from a server without encryption has no clipboard. */
+    if (navigator.clipboard) {
+      const copy = make('button', 'copy', 'copy');
+      copy.type = 'button';
+      copy.addEventListener('click', () => navigator.clipboard.writeText(command).then(() => { copy.textContent = 'copied'; }));
+      again.push(copy);
+    }
+    field(list, 'run again', ...again);
   }
   panel.append(list);
   if (run.figures) for (const figure of data.figures[run.figures - 1]) panel.append(drawn(figure));

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 use std::hash::Hash;
 
-use canopen::{Instant, meaning};
+use canopen::meaning;
 use serde::Serialize;
 
 use super::class;
@@ -202,11 +202,7 @@ impl Details {
             _ => {}
         }
         if let Some(problem) = case.outcome.problem() {
-            let step = case.steps.iter().rfind(|step| {
-                let place = (step.phase, step.line) == (problem.phase, problem.place.line);
-                step.at <= problem.at && place
-            });
-            if let Some(step) = step {
+            if let Some(step) = case.step_of(problem) {
                 all.field("step", named(&step.text));
             }
             all.field("expected", named(&problem.expected));
@@ -242,10 +238,6 @@ impl Details {
         }
         self.frames.clone_from(&story.frames);
         self.left.clone_from(&story.left_out);
-        let since = |at: Instant| {
-            let nanoseconds = u64::try_from(at.since(case.info.at).as_nanos());
-            Instant(nanoseconds.unwrap_or(u64::MAX)).to_string()
-        };
         for (at, line) in story.lines() {
             let (what, frame, text) = match line {
                 Line::Frame(place) => {
@@ -266,7 +258,7 @@ impl Details {
                     ("bench", String::new(), clean(&format!("{name} = {value}")))
                 }
             };
-            self.lines.push((since(*at), what, frame, text));
+            self.lines.push((case.since_begin(*at).to_string(), what, frame, text));
         }
     }
 }

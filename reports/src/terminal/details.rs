@@ -126,10 +126,7 @@ impl Block<'_> {
 
     /// The step that was judged, in words.
     fn step(&mut self, case: &CaseRun, problem: &Problem) {
-        let begun = case.steps.iter().rfind(|step| {
-            step.at <= problem.at && (step.phase, step.line) == (problem.phase, problem.place.line)
-        });
-        if let Some(step) = begun {
+        if let Some(step) = case.step_of(problem) {
             self.named("step", &step.text);
         }
     }
@@ -179,17 +176,17 @@ impl Block<'_> {
         let mut label = "last PDOs";
         for place in &story.pdos {
             let (stamped, meaning) = story.frame(*place);
-            let at = relative(case.info.at, stamped.at);
+            let at = case.since_begin(stamped.at);
             self.named(std::mem::take(&mut label), &one_line(&format!("{at} {meaning}")));
         }
         self.field("frames", &story.frames);
-        self.lines(case.info.at, &story);
+        self.lines(case, &story);
         if let Some(left_out) = &story.left_out {
             self.field("left out", left_out);
         }
     }
 
-    fn lines(&mut self, start: Instant, story: &Story) {
+    fn lines(&mut self, case: &CaseRun, story: &Story) {
         let width = story.shown().map(|shown| length(&shown.frame)).max().unwrap_or_default();
         for (at, line) in story.lines() {
             match line {
@@ -197,11 +194,11 @@ impl Block<'_> {
                 Line::Left(count) => self.aside(&format!("{count} frames of this transfer")),
                 Line::Frame(place) => {
                     let (stamped, meaning) = story.frame(*place);
-                    self.frame(start, stamped, meaning, width);
+                    self.frame(case, stamped, meaning, width);
                 }
-                Line::Done(Done::Step(text) | Done::Note(text)) => self.done(start, *at, text),
+                Line::Done(Done::Step(text) | Done::Note(text)) => self.done(case, *at, text),
                 Line::Done(Done::Bench(name, value)) => {
-                    self.done(start, *at, &format!("bench: {name} = {value}"));
+                    self.done(case, *at, &format!("bench: {name} = {value}"));
                 }
             }
         }
@@ -211,11 +208,11 @@ impl Block<'_> {
         self.line(format!("    {:>STAMP$}  ..  {text}", ""));
     }
 
-    fn frame(&mut self, start: Instant, seen: &Stamped, meaning: &str, width: usize) {
+    fn frame(&mut self, case: &CaseRun, seen: &Stamped, meaning: &str, width: usize) {
         let Stamped { at, frame, own } = seen;
         let direction = if *own { "TX" } else { "RX" };
         let frame_text = frame.to_string();
-        let time = format!("{:>STAMP$}", relative(start, *at));
+        let time = format!("{:>STAMP$}", case.since_begin(*at).to_string());
         let line = format!(
             "    {}  {direction}  {frame_text:<width$}  {}",
             self.style.dim(time),
@@ -224,8 +221,8 @@ impl Block<'_> {
         self.line(line);
     }
 
-    fn done(&mut self, start: Instant, at: Instant, text: &str) {
-        let time = format!("{:>STAMP$}", relative(start, at));
+    fn done(&mut self, case: &CaseRun, at: Instant, text: &str) {
+        let time = format!("{:>STAMP$}", case.since_begin(at).to_string());
         let line =
             format!("    {}  --  {}", self.style.dim(time), one_line(&self.names.in_text(text)));
         self.line(line);
@@ -240,11 +237,6 @@ fn again(times: usize, frames: usize) -> String {
         2 => format!("{times} the two that follow"),
         many => format!("{times} the {many} that follow"),
     }
-}
-
-fn relative(start: Instant, at: Instant) -> String {
-    let nanoseconds = u64::try_from(at.since(start).as_nanos()).unwrap_or(u64::MAX);
-    Instant(nanoseconds).to_string()
 }
 
 /// The marks below the stretch, and the blanks before them.
