@@ -250,6 +250,10 @@ pub struct Characteristic {
     pub max: f64,
     /// How many values lie in each of equal spans from the smallest to the largest.
     pub histogram: Vec<usize>,
+    /// Where the median and the 99th percentile of all that the device does lie, as far as these
+    /// values tell.
+    #[serde(skip)]
+    likely: [(f64, f64); 2],
 }
 
 impl Characteristic {
@@ -261,6 +265,24 @@ impl Characteristic {
             count => (24.0 * *count as f64 / most).max(1.5),
         };
         self.histogram.iter().map(height).collect()
+    }
+
+    /// Whether the median of `now` is another one, and not by chance.
+    pub(crate) fn median_moved(&self, now: &Self) -> bool {
+        self.moved(now, 0)
+    }
+
+    /// The same of the 99th percentile.
+    pub(crate) fn p99_moved(&self, now: &Self) -> bool {
+        self.moved(now, 1)
+    }
+
+    fn moved(&self, now: &Self, figure: usize) -> bool {
+        /// Less is of no interest to anybody, and within what a busy host adds to each frame.
+        const LEAST: f64 = 0.1;
+        let ((low, high), (new_low, new_high)) = (self.likely[figure], now.likely[figure]);
+        let far = |one: f64, other: f64| one - other > LEAST.max(LEAST * other.abs());
+        far(new_low, high) || far(low, new_high)
     }
 
     fn of(quantity: Quantity, values: &[f32]) -> Self {
@@ -285,8 +307,24 @@ impl Characteristic {
             p99: at(0.99),
             max,
             histogram,
+            likely: [likely(&sorted, 0.5), likely(&sorted, 0.99)],
         }
     }
+}
+
+/// Between which of the sorted values that quantile of the device lies, except once in a thousand
+/// times, whatever the distribution: the number of values below it is binomial.
+fn likely(sorted: &[f32], share: f64) -> (f64, f64) {
+    const DEVIATIONS: f64 = 3.3;
+    let count = sorted.len() as f64;
+    let (middle, spread) = (share * count, DEVIATIONS * (share * (1.0 - share) * count).sqrt());
+    let value = |place: f64| match place {
+        // The values do not reach as far.
+        ..0.0 => f64::NEG_INFINITY,
+        place if place >= count => f64::INFINITY,
+        place => f64::from(sorted[place as usize]),
+    };
+    (value((middle - spread).floor()), value((middle + spread).ceil()))
 }
 
 /// To a microsecond.
@@ -368,5 +406,25 @@ mod tests {
         let of = Characteristic::of(Quantity::Upload, &values);
         assert_eq!((of.min, of.median, of.p99, of.max), (0.1, 50.1, 99.0, 100.0));
         assert_eq!((of.count, of.histogram.iter().sum()), (1000, 1000));
+    }
+
+    #[test]
+    fn a_figure_moves_when_more_than_chance_explains_it() {
+        let values = |from: f32, spread: f32, count: usize| -> Vec<f32> {
+            (0..count).map(|it| from + spread * (it * 37 % count) as f32 / count as f32).collect()
+        };
+        let of = |values: &[f32]| Characteristic::of(Quantity::Upload, values);
+        let before = of(&values(1.0, 1.0, 400));
+        assert!(!before.median_moved(&before) && !before.p99_moved(&before));
+        assert!(!before.median_moved(&of(&values(1.05, 1.0, 400))), "by less than a tenth");
+        assert!(before.median_moved(&of(&values(1.4, 1.0, 400))));
+        assert!(of(&values(1.4, 1.0, 400)).median_moved(&before), "in both directions");
+        assert!(!before.median_moved(&of(&values(1.4, 1.0, 8))), "eight values prove nothing");
+        assert!(
+            !before.p99_moved(&of(&values(2.0, 1.0, 100))),
+            "a hundred have no 99th percentile"
+        );
+        let long = of(&values(1.0, 1.0, 2000));
+        assert!(long.p99_moved(&of(&values(5.0, 1.0, 4000))));
     }
 }

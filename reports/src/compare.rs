@@ -2,7 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::comparison::{Change, Comparison};
+use crate::characteristics::Characteristic;
+use crate::comparison::{Change, Comparison, Moved};
 use crate::digest::clean;
 use crate::fact::facts;
 use crate::run::Run;
@@ -26,8 +27,38 @@ pub fn compared(now: &Run, before: &Run) -> Comparison {
         cured: old_causes.difference(&causes).cloned().collect(),
         as_before: causes.intersection(&old_causes).count(),
         is_regression: changed.iter().any(|it| is_red(it.now) && !is_red(it.before)),
+        moved: moved(now, before),
         changed,
     }
+}
+
+/// The figures of the same quantity on the same device whose intervals do not touch.
+fn moved(now: &Run, before: &Run) -> Vec<Moved> {
+    let mut all = Vec::new();
+    for device in &now.devices {
+        let name = &device.info.device;
+        let Some(old) = before.devices.iter().find(|it| it.info.device == *name) else { continue };
+        let old = old.characteristics();
+        for now in device.characteristics() {
+            let Some(before) = old.iter().find(|it| it.what == now.what) else { continue };
+            let (median, p99) = (before.median_moved(&now), before.p99_moved(&now));
+            let moved = |figure, before, now: &Characteristic, value| Moved {
+                device: clean(name),
+                what: now.what,
+                figure,
+                unit: now.unit,
+                before,
+                now: value,
+            };
+            if median {
+                all.push(moved("median", before.median, &now, now.median));
+            }
+            if p99 {
+                all.push(moved("99 %", before.p99, &now, now.p99));
+            }
+        }
+    }
+    all
 }
 
 /// The causes, each with its device and its service.

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use crate::verdict::Verdict;
 
 /// What is different from an earlier run.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Comparison {
     /// What makes the run red, or is tolerated or waived, and did not before.
     pub new: Vec<String>,
@@ -16,6 +16,8 @@ pub struct Comparison {
     pub as_before: usize,
     /// The cases that came out otherwise.
     pub changed: Vec<Change>,
+    /// The characteristics that moved by more than their noise.
+    pub moved: Vec<Moved>,
     /// Whether a case is red that was not.
     pub is_regression: bool,
 }
@@ -33,10 +35,30 @@ pub struct Change {
     pub now: Option<Verdict>,
 }
 
+/// A characteristic that moved.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Moved {
+    /// The device.
+    pub device: String,
+    /// The quantity, such as `reset node to boot-up`.
+    pub what: &'static str,
+    /// Which of its figures: `median` or `99 %`.
+    pub figure: &'static str,
+    /// Of the figures: `ms` or `%`.
+    pub unit: &'static str,
+    /// The figure in the earlier run.
+    pub before: f64,
+    /// The figure in this run.
+    pub now: f64,
+}
+
 impl Comparison {
     /// Whether nothing is different.
     pub fn is_empty(&self) -> bool {
-        self.new.is_empty() && self.cured.is_empty() && self.changed.is_empty()
+        self.new.is_empty()
+            && self.cured.is_empty()
+            && self.changed.is_empty()
+            && self.moved.is_empty()
     }
 
     /// In words, for a terminal: what is new, what is cured, and which cases changed.
@@ -57,6 +79,9 @@ impl Comparison {
         let more = self.changed.len().saturating_sub(MOST_CHANGES);
         if more > 0 {
             let _ = writeln!(text, "changed {more} more");
+        }
+        for moved in &self.moved {
+            let _ = writeln!(text, "moved   {}", moved.text());
         }
         let _ = writeln!(
             text,
@@ -82,6 +107,14 @@ impl Change {
             verdict(self.before),
             verdict(self.now)
         )
+    }
+}
+
+impl Moved {
+    /// `generic reset node to boot-up: median 10 ms, now 25 ms`.
+    pub fn text(&self) -> String {
+        let Self { device, what, figure, unit, before, now } = self;
+        format!("{device} {what}: {figure} {before} {unit}, now {now} {unit}")
     }
 }
 

@@ -12,7 +12,9 @@ use crate::fact::{Fact, facts};
 use crate::junit::date;
 use crate::reason::alike;
 use crate::run::{Counts, DeviceRun, Run};
+use crate::side_by_side::SideBySide;
 use crate::style::{printable, shell_word};
+use crate::tool_checks::{ToolChecked, tool_checked};
 use crate::verdict::{Grade, Outcome, Verdict};
 
 /// The digest of a run.
@@ -34,6 +36,9 @@ pub(crate) struct Digest<'r> {
     /// The most frequent reasons, and the others.
     pub(crate) not_tested: [Vec<Reason>; 2],
     pub(crate) documents: Vec<Document>,
+    /// The checks of CiA's conformance test tool.
+    pub(crate) tool_checks: Vec<ToolChecked>,
+    pub(crate) side_by_side: Option<SideBySide>,
 }
 
 pub(crate) struct Device<'r> {
@@ -140,6 +145,8 @@ impl<'r> Digest<'r> {
                 [first, others]
             },
             documents: documents(run),
+            tool_checks: tool_checked(run),
+            side_by_side: SideBySide::of(run),
         }
     }
 }
@@ -148,6 +155,12 @@ impl Digest<'_> {
     /// Whether there are characteristics.
     pub(crate) fn is_watched(&self) -> bool {
         self.devices.iter().any(|device| device.strip.is_some())
+    }
+
+    /// The checks of CiA's tool that did not pass, and the others.
+    pub(crate) fn tool_checks_by_need(&self) -> [Vec<&ToolChecked>; 2] {
+        let (worse, others) = self.tool_checks.iter().partition(|check| check.is_worse());
+        [worse, others]
     }
 }
 
@@ -364,7 +377,7 @@ fn documents(run: &Run) -> Vec<Document> {
 
 /// How much a verdict says about a requirement or a cause. A requirement that one case shows to
 /// hold is tested, although others were skipped; a FAIL is certain, and an ERROR is not.
-const fn rank(verdict: Verdict) -> u8 {
+pub(crate) const fn rank(verdict: Verdict) -> u8 {
     match verdict {
         Verdict::Skip => 0,
         Verdict::Blocked => 1,

@@ -66,6 +66,25 @@ pub struct RunStarted {
     /// Which part of the cases it has, when it shares them with others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shard: Option<Shard>,
+    /// The checks of CiA's conformance test tool, and the cases that make them here.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tool_checks: Vec<ToolCheck>,
+}
+
+/// A check of CiA's conformance test tool.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ToolCheck {
+    /// Its number there, such as `2.19`.
+    pub number: String,
+    /// What it checks, in our own words.
+    pub checks: String,
+    /// The cases that make it, such as `cia301/sdo-block/upload`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cases: Vec<String>,
+    /// Why no case does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reason: Option<String>,
 }
 
 /// A part of the cases: every `of`th, from the `place`th on, counted from 1.

@@ -11,6 +11,7 @@ use crate::characteristics::Characteristic;
 use crate::digest::Digest;
 use crate::event::{Check, Measured};
 use crate::run::{CaseRun, Counts, DeviceRun, Run};
+use crate::tool_checks::ToolChecked;
 use crate::verdict::{Excerpt, Outcome, Verdict};
 
 /// Writes the report.
@@ -57,6 +58,8 @@ pub struct Report<'r> {
     comparison: Option<Compared<'r>>,
     /// The requirements that cases check, by id.
     requirements: BTreeMap<&'r str, Requirement<'r>>,
+    /// The checks of CiA's conformance test tool by their numbers, when a case of the run makes one.
+    tool_checks: Vec<ToolCheck>,
     /// The devices, in the order in which they were tested.
     devices: Vec<Device<'r>>,
 }
@@ -87,6 +90,34 @@ struct Compared<'r> {
     cured: &'r [String],
     as_before: usize,
     changed: Vec<Changed<'r>>,
+    /// The characteristics that moved by more than their noise.
+    moved: Vec<Moved<'r>>,
+}
+
+#[derive(Serialize, JsonSchema)]
+struct Moved<'r> {
+    device: &'r str,
+    what: &'r str,
+    /// `median` or `99 %`.
+    figure: &'r str,
+    unit: &'r str,
+    before: f64,
+    now: f64,
+}
+
+/// A check of CiA's conformance test tool.
+#[derive(Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+struct ToolCheck {
+    /// Its number there.
+    number: String,
+    checks: String,
+    /// The heaviest verdict of its cases; `null` when none of them is in the run.
+    verdict: Option<&'static str>,
+    /// How many instances of its cases came out how.
+    cases: BTreeMap<&'static str, usize>,
+    /// Why no case makes it.
+    reason: Option<String>,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -219,9 +250,11 @@ impl<'r> Report<'r> {
                 cured: &it.cured,
                 as_before: it.as_before,
                 changed: it.changed.iter().map(Changed::of).collect(),
+                moved: it.moved.iter().map(Moved::of).collect(),
             }),
             requirements: checks.map(|check| (&*check.id, Requirement::of(check))).collect(),
             devices: run.devices.iter().map(Device::of).collect(),
+            tool_checks: digest.tool_checks.into_iter().map(ToolCheck::of).collect(),
             causes: digest.causes.into_iter().map(Cause::of).collect(),
         }
     }
@@ -254,6 +287,26 @@ impl<'r> Changed<'r> {
             name: &change.name,
             before: name(change.before),
             now: name(change.now),
+        }
+    }
+}
+
+impl<'r> Moved<'r> {
+    fn of(moved: &'r crate::Moved) -> Self {
+        let crate::Moved { device, what, figure, unit, before, now } = moved;
+        Self { device, what, figure, unit, before: *before, now: *now }
+    }
+}
+
+impl ToolCheck {
+    fn of(check: ToolChecked) -> Self {
+        let cases = check.counts.iter().map(|(verdict, count)| (verdict.name(), *count));
+        Self {
+            cases: cases.collect(),
+            verdict: check.verdict.map(Verdict::name),
+            number: check.number,
+            checks: check.checks,
+            reason: check.reason,
         }
     }
 }

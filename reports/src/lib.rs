@@ -26,19 +26,21 @@ mod recording;
 mod run;
 pub mod sarif;
 mod seen;
+mod side_by_side;
 mod story;
 mod style;
 pub mod terminal;
+mod tool_checks;
 mod verdict;
 mod wire;
 
 pub use cause::Cause;
 pub use characteristics::Characteristic;
 pub use compare::compared;
-pub use comparison::{Change, Comparison};
+pub use comparison::{Change, Comparison, Moved};
 pub use event::{
     Begun, CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Measured, Note, RunEnded,
-    RunStarted, Shard, SheetUsed, Stimulus, Versions,
+    RunStarted, Shard, SheetUsed, Stimulus, ToolCheck, Versions,
 };
 pub use fact::{Fact, Noticed, facts};
 pub use format::{FORMATS, Format};

@@ -1,11 +1,15 @@
 //! A run as a summary in Markdown: the result and the causes first, as much as fits the page of a
 //! pipeline.
 
+use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use crate::comparison::{Comparison, MOST_CHANGES};
 use crate::digest::{Cause, Digest, Reason};
 use crate::run::Run;
+use crate::side_by_side::SideBySide;
+use crate::tool_checks::ToolChecked;
+use crate::verdict::Verdict;
 
 /// Writes the summary.
 ///
@@ -24,6 +28,10 @@ pub fn write(run: &Run, out: &mut dyn Write) -> io::Result<()> {
         compared(comparison, out)?;
     }
     causes(&digest.causes, out)?;
+    if let Some(devices) = &digest.side_by_side {
+        side_by_side(devices, out)?;
+    }
+    tool_checks(&digest.tool_checks, out)?;
     not_tested(&digest.not_tested, out)?;
     for (what, text) in &digest.facts_of_run {
         writeln!(out, "- {what}: {}", escaped(text))?;
@@ -67,6 +75,9 @@ fn compared(comparison: &Comparison, out: &mut dyn Write) -> io::Result<()> {
     if more > 0 {
         writeln!(out, "- {more} more cases changed")?;
     }
+    for moved in &comparison.moved {
+        writeln!(out, "- **Moved**: {}", escaped(&moved.text()))?;
+    }
     writeln!(out)
 }
 
@@ -93,6 +104,52 @@ fn causes(causes: &[Cause], out: &mut dyn Write) -> io::Result<()> {
     let more = causes.len().saturating_sub(MOST_CAUSES);
     if more > 0 {
         writeln!(out, "\nand {more} more")?;
+    }
+    writeln!(out)
+}
+
+/// The requirements that do not hold on each of several devices.
+fn side_by_side(devices: &SideBySide, out: &mut dyn Write) -> io::Result<()> {
+    if devices.requirements.is_empty() {
+        return Ok(());
+    }
+    writeln!(out, "## Side by side\n")?;
+    let names: Vec<String> = devices.devices.iter().map(|name| escaped(name)).collect();
+    writeln!(out, "| requirement | {} |", names.join(" | "))?;
+    writeln!(out, "|---|{}", "---|".repeat(names.len()))?;
+    for requirement in devices.requirements.iter().take(MOST_CAUSES) {
+        let verdicts = requirement.verdicts.iter();
+        let verdicts: Vec<&str> = verdicts.map(|it| it.map_or("", Verdict::name)).collect();
+        writeln!(out, "| {} | {} |", escaped(&requirement.id), verdicts.join(" | "))?;
+    }
+    let more = devices.requirements.len().saturating_sub(MOST_CAUSES);
+    if more > 0 {
+        writeln!(out, "\nand {more} more")?;
+    }
+    writeln!(out)
+}
+
+/// How the checks of CiA's conformance test tool came out, and which did not pass.
+fn tool_checks(checks: &[ToolChecked], out: &mut dyn Write) -> io::Result<()> {
+    if checks.is_empty() {
+        return Ok(());
+    }
+    writeln!(out, "## Checks of CiA's conformance test tool\n")?;
+    let mut counts = BTreeMap::<Option<Verdict>, usize>::new();
+    for check in checks {
+        *counts.entry(check.verdict).or_default() += 1;
+    }
+    let said = counts.into_iter().map(|(verdict, count)| {
+        format!("{count} {}", verdict.map_or("not in this run", Verdict::name))
+    });
+    let said: Vec<String> = said.collect();
+    writeln!(out, "Of {}: {}.", checks.len(), said.join(", "))?;
+    if checks.iter().any(ToolChecked::is_worse) {
+        writeln!(out)?;
+    }
+    for check in checks.iter().filter(|check| check.is_worse()) {
+        let (number, says) = (escaped(&check.number), escaped(&check.checks));
+        writeln!(out, "- **{number}** {says} {}", escaped(&check.said()))?;
     }
     writeln!(out)
 }

@@ -3,16 +3,18 @@
 use std::collections::BTreeSet;
 
 use crate::event::{RunEnded, RunStarted, Shard};
-use crate::run::{DeviceRun, Run};
+use crate::run::{CaseRun, DeviceRun, Run};
 
-/// The runs as one. What was tested on the same device by the same data sheet stands together; a
-/// shard that is missing is the reason why the whole run did not come to its end.
+/// The runs as one. Parts of a test of the same device by the same data sheet stand together; what
+/// was tested twice stands side by side. A shard that is missing is the reason why the whole run
+/// did not come to its end.
 pub fn merged(runs: Vec<Run>) -> Run {
     let mut runs = runs.into_iter();
     let Some(mut all) = runs.next() else { return Run::default() };
     let mut shards: BTreeSet<Shard> = shard(&all).into_iter().collect();
     for run in runs {
         shards.extend(shard(&run));
+        let is_shard = shard(&run).is_some();
         all.started = all.started.take().map(|started| both(started, &run));
         all.ended = match (all.ended.take(), run.ended) {
             (Some(one), Some(other)) => Some(RunEnded {
@@ -22,7 +24,7 @@ pub fn merged(runs: Vec<Run>) -> Run {
             // One that was cut off is not at its end, and so the whole is not.
             _ => None,
         };
-        run.devices.into_iter().for_each(|device| add(&mut all.devices, device));
+        run.devices.into_iter().for_each(|device| add(&mut all.devices, device, is_shard));
     }
     if let Some(ended) = &mut all.ended
         && let Some(missing) = missing(&shards)
@@ -50,27 +52,51 @@ fn both(one: RunStarted, other: &Run) -> RunStarted {
     RunStarted { target, began, grade, shard: None, ..one }
 }
 
-fn add(devices: &mut Vec<DeviceRun>, device: DeviceRun) {
+fn add(devices: &mut Vec<DeviceRun>, device: DeviceRun, is_shard: bool) {
     let of = |device: &DeviceRun| {
         let info = &device.info;
         (info.device.clone(), info.node, info.identity, info.versions.clone(), info.sheet.clone())
     };
-    let Some(known) = devices.iter_mut().find(|known| of(known) == of(&device)) else {
-        return devices.push(device);
+    let same = devices.iter().position(|known| of(known) == of(&device));
+    // A case that ran twice was tried on two states of a device. Shards have nothing in common.
+    let Some(known) = same.filter(|known| is_shard || are_apart(&devices[*known], &device)) else {
+        let name = free_name(devices, &device);
+        let info = crate::DeviceStarted { device: name, ..device.info };
+        return devices.push(DeviceRun { info, ..device });
     };
+    let known = &mut devices[known];
     for suite in device.suites {
         match known.suites.iter_mut().find(|known| known.name == suite.name) {
             None => known.suites.push(suite),
             Some(known) => {
-                let is_new = |case: &crate::CaseRun| {
-                    let name = (&case.info.case, &case.info.instance);
-                    known.cases.iter().all(|one| (&one.info.case, &one.info.instance) != name)
-                };
-                let new: Vec<_> = suite.cases.into_iter().filter(is_new).collect();
-                known.cases.extend(new);
+                let names: BTreeSet<String> = known.cases.iter().map(name).collect();
+                known.cases.extend(suite.cases.into_iter().filter(|it| !names.contains(&name(it))));
             }
         }
     }
+}
+
+/// Whether no case is in both.
+fn are_apart(one: &DeviceRun, other: &DeviceRun) -> bool {
+    let names: BTreeSet<String> = one.cases().map(name).collect();
+    other.cases().all(|case| !names.contains(&name(case)))
+}
+
+fn name(case: &CaseRun) -> String {
+    case.info.name()
+}
+
+/// The name of a device, with the software or a number where another one has it already: two
+/// versions of a firmware stand side by side.
+fn free_name(devices: &[DeviceRun], device: &DeviceRun) -> String {
+    let name = &device.info.device;
+    let is_free = |name: &str| devices.iter().all(|known| known.info.device != name);
+    let software = &device.info.versions.software;
+    let is_other = devices.iter().all(|known| known.info.versions.software != *software);
+    let software = software.iter().filter(|_| is_other).map(|it| format!("{name} {it}"));
+    let numbered = (2..).map(|number| format!("{name} ({number})"));
+    let names = std::iter::once(name.clone()).chain(software).chain(numbered);
+    names.into_iter().find(|name| is_free(name)).unwrap_or_default()
 }
 
 /// The shards that are not there.

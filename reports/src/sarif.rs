@@ -102,7 +102,7 @@ fn result(fact: &Fact<'_>) -> Option<Value> {
         line: case.info.line,
         column: case.info.column,
         length: 1,
-        source: String::new(),
+        ..Excerpt::default()
     };
     let places = problem.into_iter().flat_map(|it| [it.sheet.as_ref(), Some(&it.place)]);
     let place = places.flatten().chain([&own]).find(|place| !place.file.is_empty());

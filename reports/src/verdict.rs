@@ -272,7 +272,7 @@ pub enum Phase {
 
 /// A stretch of one line of a suite file or a data sheet. Lines and columns count from 1, columns
 /// in characters.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Excerpt {
     /// The file, relative to the folder of the project or as the user named it, with `/`.
@@ -285,17 +285,22 @@ pub struct Excerpt {
     pub length: u32,
     /// The text of the whole line, without its end.
     pub source: String,
+    /// The lines in front of it that belong to the same case or section, as far as they are shown.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub before: Vec<String>,
+    /// The lines after it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub after: Vec<String>,
 }
 
 #[cfg(test)]
 impl Problem {
     /// A problem of a step, without a place.
     pub(crate) fn of_step(expected: &str, actual: &str, raw: Option<&str>) -> Self {
-        let file = String::new();
         Self {
             at: Instant::ZERO,
             phase: Phase::Step,
-            place: Excerpt { file, line: 1, column: 1, length: 1, source: String::new() },
+            place: Excerpt { line: 1, column: 1, length: 1, ..Excerpt::default() },
             expected: expected.into(),
             actual: actual.into(),
             raw: raw.map(|text| text.parse().expect("a frame")),

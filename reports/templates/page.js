@@ -41,7 +41,7 @@ function fits(run) {
   if (!chosen.verdicts.has(run.verdict)) return false;
   if (chosen.device >= 0 && run.device !== chosen.device) return false;
   return chosen.text.split(/\s+/).every(word =>
-    word === '' || run.name.toLowerCase().includes(word) || wordsOf(run).includes(word));
+    word === '' || word.startsWith('check:') && (run.of.numbers || []).includes(word.slice(6)) || run.name.toLowerCase().includes(word) || wordsOf(run).includes(word));
 }
 
 function controls() {
@@ -143,6 +143,7 @@ function fillCase(panel, run) {
     const [id, document, clause, level, says] = data.checks[place];
     field(list, 'requires', id + ', ' + document + ' clause ' + clause + (level ? ', level ' + level : '') + '\n' + says);
   }
+  if (run.of.numbers) field(list, 'CiA check', run.of.numbers.join(', '));
   if (run.reason) field(list, run.verdict === 'skip' ? 'skipped' : 'blocked', data.reasons[run.reason - 1]);
   const details = run.details ? data.details[run.details - 1] : null;
   if (details) {
@@ -176,8 +177,12 @@ function quoted(name) {
 function source(place) {
   const from = Math.max(0, place.column - 1);
   const to = Math.min(place.source.length, from + place.length);
-  return make('pre', '', null, place.line + ' | ' + place.source.slice(0, from),
-    make('u', '', place.source.slice(from, to) || ' '), place.source.slice(to));
+  const width = String(place.line + place.after.length).length;
+  const line = number => String(number).padStart(width) + ' | ';
+  const others = (lines, first) => make('span', 'around', lines.map((text, nth) => line(first + nth) + text + '\n').join(''));
+  return make('pre', '', null, others(place.before, place.line - place.before.length),
+    line(place.line) + place.source.slice(0, from), make('u', '', place.source.slice(from, to) || ' '),
+    place.source.slice(to) + '\n', others(place.after, place.line + 1));
 }
 
 function story(details, device) {
@@ -227,13 +232,16 @@ function drawn([what, unit, count, min, mean, max, strict, lenient]) {
   return it;
 }
 
-/* A link to a case opens it; one to a requirement filters by it. */
+/* A link to a case opens it; one to a requirement or a check of CiA filters by it. */
 function follow() {
   const hash = location.hash;
   let wanted = '';
   try { wanted = decodeURIComponent(hash.slice(hash.indexOf('=') + 1)); } catch { return; }
   if (hash.startsWith('#find=')) {
     choose(wanted);
+    byId('cases').scrollIntoView();
+  } else if (hash.startsWith('#check=')) {
+    choose('check:' + wanted);
     byId('cases').scrollIntoView();
   } else if (hash.startsWith('#case=')) {
     const run = runs.find(it => fullName(it) === wanted);

@@ -417,3 +417,35 @@ fn shards_become_one_run_that_says_what_is_missing() {
     let reason = half.ended.expect("it ended").reason.expect("it is not whole");
     assert!(reason.ends_with("the shard 1/2 is missing"), "{reason}");
 }
+
+/// Two firmware versions, or one device that was tested twice.
+#[test]
+fn what_was_tested_twice_stands_side_by_side() {
+    let before = fixture::events(Grade::Lenient);
+    let mut now = before.clone();
+    for event in &mut now {
+        match event {
+            Event::DeviceStarted(device) if device.device == "drr460" => {
+                device.versions.software = Some("2.0".into());
+            }
+            Event::CaseEnded(ended) if matches!(ended.outcome, Outcome::Fail(_)) => {
+                (ended.outcome, ended.cause) = (Outcome::Pass, None);
+            }
+            _ => {}
+        }
+    }
+    let both = merged(vec![fold(&before, Keep::Unusual), fold(&now, Keep::Unusual)]);
+    let names: Vec<&str> = both.devices.iter().map(|it| &*it.info.device).collect();
+    assert_eq!(names, ["drr460", "mcm260x", "drr460 2.0", "mcm260x (2)"]);
+    assert_eq!(
+        both.counts().of(Verdict::Fail),
+        fold(&before, Keep::Unusual).counts().of(Verdict::Fail)
+    );
+    let mut summary = Vec::new();
+    reports::markdown::write(&both, &mut summary).expect("memory takes it");
+    let summary = String::from_utf8(summary).expect("UTF-8");
+    let heading = "| requirement | drr460 | mcm260x | drr460 2.0 | mcm260x \\(2\\) |";
+    assert!(summary.contains("## Side by side"), "{summary}");
+    let row = "| CIA301-HB-02 | FAIL |  | PASS |  |";
+    assert!(summary.contains(row), "{heading}\n{summary}");
+}

@@ -5,7 +5,7 @@ use std::mem::ManuallyDrop;
 use std::path::{Path, PathBuf};
 
 use canopen::{BusError, Instant};
-use reports::{Event, Identity, Keep, Note, Run, RunEnded, Verdict, journal};
+use reports::{Event, Identity, Keep, Note, Run, RunEnded, RunStarted, Verdict, journal};
 use runner::parallel::{self, InTurn, processors};
 use runner::plan::{Instance, Plan};
 use runner::protect::Deed;
@@ -127,7 +127,8 @@ impl Prepared {
         let Self { library, waivers, targets, plans, names, selected } = self;
         reporter.expect(plans.iter().map(|plan| plan.instances.len()).sum());
         let real = targets.iter().any(|target| !target.is_simulation());
-        reporter.tell(&Event::RunStarted(started(args, real)));
+        let tool_checks = library.tool_checks();
+        reporter.tell(&Event::RunStarted(RunStarted { tool_checks, ..started(args, real) }));
         let sessions =
             targets.into_iter().zip(plans).filter(|(_, plan)| !plan.instances.is_empty());
         let all = Sessions { args, library: &library, waivers: &waivers, stop };

@@ -22,6 +22,7 @@ pub(crate) fn started(args: &RunArgs, on_real_bus: bool) -> RunStarted {
         grade: args.grade.unwrap_or(GradeName::Lenient).into(),
         began: on_real_bus.then(unix_time),
         shard: args.shard.map(|shard| reports::Shard { place: shard.place + 1, of: shard.of }),
+        tool_checks: Vec::new(),
     }
 }
 

@@ -53,6 +53,9 @@ struct Case {
     title: String,
     line: u32,
     checks: Vec<usize>,
+    /// The numbers of the checks of CiA's tool that it makes.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    numbers: Vec<String>,
 }
 
 /// What is known of an instance that did not simply pass.
@@ -73,11 +76,13 @@ struct Place {
     column: u32,
     length: u32,
     source: String,
+    before: Vec<String>,
+    after: Vec<String>,
 }
 
 /// The JSON, in which no character ends the element of the page around it.
 pub(super) fn json(run: &Run) -> String {
-    let mut tables = Tables::default();
+    let mut tables = Tables { numbers: numbers(run), ..Tables::default() };
     for (number, device) in run.devices.iter().enumerate() {
         tables.data.devices.push(Device {
             name: clean(&device.info.device),
@@ -91,6 +96,16 @@ pub(super) fn json(run: &Run) -> String {
     json.replace('<', "\\u003c").replace('\u{2028}', "\\u2028").replace('\u{2029}', "\\u2029")
 }
 
+fn numbers(run: &Run) -> HashMap<String, Vec<String>> {
+    let mut all = HashMap::<String, Vec<String>>::new();
+    for check in run.started.iter().flat_map(|started| &started.tool_checks) {
+        for case in &check.cases {
+            all.entry(case.clone()).or_default().push(clean(&check.number));
+        }
+    }
+    all
+}
+
 #[derive(Default)]
 struct Tables<'r> {
     data: Data,
@@ -98,6 +113,8 @@ struct Tables<'r> {
     cases: HashMap<(&'r str, &'r str), usize>,
     checks: HashMap<(&'r str, Option<&'r str>), usize>,
     reasons: HashMap<&'r str, usize>,
+    /// The numbers of the checks of CiA's tool that a case makes.
+    numbers: HashMap<String, Vec<String>>,
 }
 
 /// The place of an item in its table, where it is put when it is new.
@@ -128,6 +145,10 @@ impl<'r> Tables<'r> {
             title: clean(&info.title),
             line: info.line,
             checks,
+            numbers: self
+                .numbers
+                .remove(&format!("{}/{}", info.suite, info.case))
+                .unwrap_or_default(),
         });
         let reason = match &case.outcome {
             Outcome::Skip(reason) | Outcome::Blocked(reason) => {
@@ -270,9 +291,16 @@ impl Place {
             line: place.line,
             column: place.column,
             length: place.length,
-            source: clean(&place.source.replace('\t', " ")),
+            source: shown(&place.source),
+            before: place.before.iter().map(|line| shown(line)).collect(),
+            after: place.after.iter().map(|line| shown(line)).collect(),
         })
     }
+}
+
+/// A line of a file, in which columns count.
+fn shown(line: &str) -> String {
+    clean(&line.replace('\t', " "))
 }
 
 const fn said(phase: Phase) -> &'static str {

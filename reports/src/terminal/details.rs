@@ -293,6 +293,7 @@ mod tests {
             column,
             length,
             source: "- nmt: start".into(),
+            ..Excerpt::default()
         };
         assert_eq!(caret(&place(3, 3)), "  ^^^");
         assert_eq!(caret(&place(3, 900)), "  ^^^^^^^^^^");

@@ -36,6 +36,8 @@ def main():
             report = json.loads((OUT / f"{'mutant' if name == 'compared' else name}.json").read_text())
             page_agrees(browser, name, report)
         page_leads_to_the_frames(browser)
+        page_shows_the_checks_of_cia(browser, report)
+        page_has_devices_side_by_side(browser)
         keys_work(browser)
         page_fits_a_telephone_and_the_night(browser)
     finally:
@@ -186,6 +188,34 @@ def page_leads_to_the_frames(browser):
     field = browser.find_element(By.ID, "text")
     wanted = requirement.get_attribute("aria-label").split()[0]
     WebDriverWait(browser, 20).until(lambda _: field.get_attribute("value") == wanted)
+
+
+def page_shows_the_checks_of_cia(browser, report):
+    """By number: each has the row of its verdict, and leads to the cases that make it."""
+    look(browser)
+    open_page(browser, "mutant")
+    checks = {it["number"]: it for it in report["tool-checks"]}
+    rows = browser.find_elements(By.CSS_SELECTOR, "#tool-checks tbody tr")
+    assert len(rows) == len(checks) == 127
+    failed = [it["number"] for it in checks.values() if it["verdict"] == "FAIL"]
+    links = browser.find_elements(By.CSS_SELECTOR, "#tool-checks > .wide a")
+    assert [it.text for it in links] == failed and failed, failed
+    browser.execute_script("arguments[0].click()", links[0])
+    shown(browser, sum(checks[failed[0]]["cases"].values()))
+    shoot(browser, "checks")
+
+
+def page_has_devices_side_by_side(browser):
+    """What was tested twice: the columns of the device, before and now."""
+    look(browser)
+    open_page(browser, "both", "#side-by-side")
+    shoot(browser, "both")
+    heads = [it.text for it in browser.find_elements(By.CSS_SELECTOR, "#side-by-side th")]
+    assert "generic" in heads and "generic (2)" in heads, heads
+    rows = browser.find_elements(By.CSS_SELECTOR, "#side-by-side .wide:first-of-type tbody tr")
+    rows = [row.text for row in rows]
+    # The mutant has the last column.
+    assert rows and all(row.split()[-1] in {"FAIL", "ERROR", "LENIENT"} for row in rows), rows
 
 
 def keys_work(browser):

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use canopen::catalogue::Catalogue;
+use reports::ToolCheck;
 
 use super::built_in::{built_in, is_built_in};
 use super::constraint::assertion_name;
@@ -102,6 +103,12 @@ impl Library {
     pub fn built_in() -> Result<Self, Vec<Complaint>> {
         let sources: Vec<_> = built_in().into_iter().map(Arc::new).collect();
         Self::from_sources(&sources, Catalogue::built_in())
+    }
+
+    /// The checks of CiA's conformance test tool, as reports show them.
+    pub fn tool_checks(&self) -> Vec<ToolCheck> {
+        let entries = self.test_map.iter().map(|entry| &entry.value);
+        entries.map(TestMapEntry::told).collect()
     }
 
     /// The state of a requirement in each dimension: the requirements that extend it, and the cases

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use reports::ToolCheck;
 use serde::Deserialize;
 
 use super::loaded::Suite;
@@ -22,6 +23,18 @@ pub struct TestMapEntry {
     /// Why no case does.
     #[serde(default)]
     pub reason: Option<String>,
+}
+
+impl TestMapEntry {
+    /// The check as reports show it.
+    pub(super) fn told(&self) -> ToolCheck {
+        ToolCheck {
+            number: self.number.value.clone(),
+            checks: self.checks.clone(),
+            cases: self.cases.iter().map(|case| case.value.clone()).collect(),
+            reason: self.reason.clone(),
+        }
+    }
 }
 
 /// How many checks the tool makes.

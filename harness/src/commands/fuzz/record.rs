@@ -215,5 +215,6 @@ fn place(file: Option<&Path>) -> Excerpt {
         column: indent as u32 + 1,
         length: source.trim().chars().count().max(1) as u32,
         source: source.to_owned(),
+        ..Excerpt::default()
     }
 }

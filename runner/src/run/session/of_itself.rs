@@ -222,13 +222,7 @@ mod tests {
         let problem = Problem {
             at: last.at,
             phase: Phase::Step,
-            place: Excerpt {
-                file: String::new(),
-                line: 1,
-                column: 1,
-                length: 1,
-                source: String::new(),
-            },
+            place: Excerpt { line: 1, column: 1, length: 1, ..Excerpt::default() },
             expected: String::new(),
             actual: String::new(),
             raw: Some(last.frame),

@@ -319,7 +319,38 @@ pub(in crate::run) fn excerpt(source: &Source, place: Place) -> Excerpt {
         column: place.column as u32,
         length: marked.chars().count().max(1) as u32,
         source: line.to_owned(),
+        before: before(source, place.line),
+        after: after(source, place.line),
     }
+}
+
+/// The lines in front of one, from the beginning of its case or section.
+fn before(source: &Source, line: usize) -> Vec<String> {
+    const MOST: usize = 16;
+    let (mut lines, mut is_first) = (Vec::new(), begins(source.line(line)));
+    for number in (1..line).rev().take(MOST) {
+        let text = source.line(number);
+        if is_first || text.trim().is_empty() {
+            break;
+        }
+        is_first = begins(text);
+        lines.push(text.to_owned());
+    }
+    lines.reverse();
+    lines
+}
+
+/// The lines after one that belong to the same case or section.
+fn after(source: &Source, line: usize) -> Vec<String> {
+    const MOST: usize = 3;
+    let lines = (line + 1..=line + MOST).map(|number| source.line(number));
+    lines.take_while(|text| !text.trim().is_empty() && !begins(text)).map(str::to_owned).collect()
+}
+
+/// Whether a case or the section of a data sheet begins.
+fn begins(line: &str) -> bool {
+    let line = line.trim_start();
+    line.starts_with('[') || line.starts_with("- id:")
 }
 
 /// A row or a map to its end, when it ends in this line: others may follow. Anything else is whole.

@@ -1,0 +1,91 @@
+//! Devices of one run side by side, or versions of one: where their verdicts differ, and their
+//! characteristics.
+
+use std::collections::BTreeMap;
+
+use crate::digest::{clean, rank};
+use crate::run::{DeviceRun, Run};
+use crate::verdict::Verdict;
+
+/// Several devices in columns.
+pub(crate) struct SideBySide {
+    pub(crate) devices: Vec<String>,
+    /// The requirements that do not hold on each device on which they were tried.
+    pub(crate) requirements: Vec<Requirement>,
+    /// How many hold on each.
+    pub(crate) hold: usize,
+    /// The medians of what the frames show.
+    pub(crate) characteristics: Vec<Medians>,
+}
+
+/// A requirement, with the heaviest verdict of its cases on each device.
+pub(crate) struct Requirement {
+    pub(crate) id: String,
+    pub(crate) says: String,
+    pub(crate) verdicts: Vec<Option<Verdict>>,
+}
+
+pub(crate) struct Medians {
+    pub(crate) what: &'static str,
+    pub(crate) unit: &'static str,
+    pub(crate) medians: Vec<Option<f64>>,
+}
+
+impl SideBySide {
+    /// The devices of a run; `None` of a run with one.
+    pub(crate) fn of(run: &Run) -> Option<Self> {
+        if run.devices.len() < 2 {
+            return None;
+        }
+        let mut requirements = requirements(&run.devices);
+        let all = requirements.len();
+        requirements.retain(|requirement| requirement.verdicts.iter().flatten().any(is_worse));
+        Some(Self {
+            devices: run.devices.iter().map(|device| clean(&device.info.device)).collect(),
+            hold: all - requirements.len(),
+            requirements,
+            characteristics: characteristics(&run.devices),
+        })
+    }
+}
+
+/// Whether the verdict is about a requirement that was tried and does not simply hold.
+const fn is_worse(verdict: &Verdict) -> bool {
+    rank(*verdict) > rank(Verdict::Pass)
+}
+
+fn requirements(devices: &[DeviceRun]) -> Vec<Requirement> {
+    let mut all = BTreeMap::<&str, Requirement>::new();
+    for (place, device) in devices.iter().enumerate() {
+        for case in device.cases() {
+            for check in &*case.info.checks {
+                let of = all.entry(&check.id).or_insert_with(|| Requirement {
+                    id: check.id.to_string(),
+                    says: clean(&check.says),
+                    verdicts: vec![None; devices.len()],
+                });
+                let (verdict, known) = (case.verdict(), &mut of.verdicts[place]);
+                if known.is_none_or(|known| rank(verdict) > rank(known)) {
+                    *known = Some(verdict);
+                }
+            }
+        }
+    }
+    all.into_values().collect()
+}
+
+fn characteristics(devices: &[DeviceRun]) -> Vec<Medians> {
+    let mut all: Vec<Medians> = Vec::new();
+    for (place, device) in devices.iter().enumerate() {
+        for it in device.characteristics() {
+            let known = all.iter().position(|known| known.what == it.what);
+            let known = known.unwrap_or_else(|| {
+                let medians = vec![None; devices.len()];
+                all.push(Medians { what: it.what, unit: it.unit, medians });
+                all.len() - 1
+            });
+            all[known].medians[place] = Some(it.median);
+        }
+    }
+    all
+}
