@@ -314,7 +314,10 @@ mod tests {
             if with_device {
                 bus.attach_boxed(Box::new(served.node(5, Rules::default())));
             }
-            nodes(&mut Link::new(&mut bus), 1..=127, ROUNDS).unwrap()
+            let mut link = Link::new(&mut bus);
+            // The device has booted.
+            link.wait(Instant(100_000_000)).unwrap();
+            nodes(&mut link, 1..=127, ROUNDS).unwrap()
         };
         for noise in ["5D1#4300", "5D1#4300100092019101", "5D1#8000100000000206"] {
             let is_answer = noise != "5D1#4300";
