@@ -1,5 +1,7 @@
 //! What is known of a device beside its data sheet: the freedoms that it was seen to use.
 
+use canopen::Stamped;
+use canopen::sdo::{RESPONSE_COB_ID, Response};
 use reference_devices::change::Replica;
 
 use crate::blueprint::{Blueprint, Candidate, Muted};
@@ -50,6 +52,8 @@ const LATELY: usize = 16;
 const MOST_CHECKS: usize = 3;
 /// How many freedoms may be needed beside one that replaces another.
 const MOST_COMPANIONS: usize = 4;
+/// How many freedoms that explain less are tried with companions.
+const MOST_DETOURS: usize = 12;
 /// How often a freedom is added or replaced.
 const MOST_STEPS: usize = 48;
 /// How many sessions are kept that changed the belief.
@@ -169,32 +173,54 @@ impl<'b> Belief<'b> {
             if now.reached.0 == logs.len() {
                 return Some(now.used);
             }
-            now = self
-                .with_one_more(&now, logs, &[])
+            let each = self.with_each(&now, logs, &[]);
+            now = furthest(&now, &each)
                 .or_else(|| self.with_another(&now, logs))
-                .or_else(|| self.with_several_more(&now, logs, &[], checks))?;
+                .or_else(|| self.with_several_more(&now, logs, &[], checks))
+                .or_else(|| self.with_company(&now, each, logs))?;
         }
         None
     }
 
     /// The freedom that explains most beside those that are used.
     fn with_one_more(&self, now: &Step, logs: &[&[Seen]], but: &[usize]) -> Option<Step> {
+        furthest(now, &self.with_each(now, logs, but))
+    }
+
+    /// Each freedom that may have made a difference, beside those that are used: the one that
+    /// explains most first.
+    fn with_each(&self, now: &Step, logs: &[&[Seen]], but: &[usize]) -> Vec<Step> {
         let (number, place) = now.reached;
         let all = self.dissenting(&now.used, &logs[number][..=place]);
         let others = all.into_iter().filter(|freedom| !but.contains(freedom));
-        let further = others.filter_map(|freedom| {
+        let steps = others.map(|freedom| {
             let used: Vec<usize> = now.used.iter().copied().chain([freedom]).collect();
-            let reached = self.reaches(&used, logs);
-            (reached > now.reached).then_some((reached, freedom))
+            Step { reached: self.reaches(&used, logs), used, others: now.others.clone() }
         });
-        let mut further: Vec<((usize, usize), usize)> = further.collect();
-        further.sort_by_key(|(reached, _)| std::cmp::Reverse(*reached));
-        let (reached, best) = *further.first()?;
-        let mut step = now.clone();
-        step.used.push(best);
-        step.reached = reached;
-        step.others.push((best, further[1..].iter().map(|(_, other)| *other).collect()));
-        Some(step)
+        let mut steps: Vec<Step> = steps.collect();
+        steps.sort_by_key(|step| std::cmp::Reverse(step.reached));
+        steps
+    }
+
+    /// A freedom that explains less, until others come to it: where the objects of two links change
+    /// places, a type is refused without its link, unless the device takes that, too.
+    fn with_company(&self, now: &Step, each: Vec<Step>, logs: &[&[Seen]]) -> Option<Step> {
+        let is_refusal = |(number, place): (usize, usize)| {
+            logs.get(number).and_then(|log| log.get(place)).is_some_and(answers_a_write)
+        };
+        let less = each.into_iter().filter(|step| step.reached < now.reached);
+        for mut step in less.filter(|step| is_refusal(step.reached)).take(MOST_DETOURS) {
+            let freedom = step.used.last().copied()?;
+            step.others.push((freedom, Vec::new()));
+            for _ in 0..MOST_COMPANIONS {
+                let Some(next) = self.with_one_more(&step, logs, &[]) else { break };
+                if next.reached > now.reached {
+                    return Some(next);
+                }
+                step = next;
+            }
+        }
+        None
     }
 
     /// Replaces a freedom by one that was as good when it was added, or leaves it out: the last
@@ -266,6 +292,27 @@ impl<'b> Belief<'b> {
     pub(crate) fn doubtful(&self) -> impl Iterator<Item = &[Seen]> {
         self.doubtful.iter().map(Vec::as_slice)
     }
+}
+
+/// Whether an SDO server took a download, or refused something. A freedom that expects the other
+/// one may be right beside another that gives leave; with a value that it does not expect, it is not.
+fn answers_a_write(seen: &Seen) -> bool {
+    let Seen::Frame(Stamped { own: false, frame, .. }) = seen else { return false };
+    let is_response = frame.data_id().is_some_and(|id| id & 0x780 == RESPONSE_COB_ID);
+    is_response
+        && matches!(
+            Response::decode(&frame.data),
+            Ok(Response::Download(_) | Response::DownloadSegment(_) | Response::Abort(..))
+        )
+}
+
+/// The first of the steps, of which each adds a freedom, when it explains more than before.
+fn furthest(now: &Step, each: &[Step]) -> Option<Step> {
+    let mut further = each.iter().filter(|step| step.reached > now.reached);
+    let mut best = further.next()?.clone();
+    let added = |step: &Step| step.used.last().copied();
+    best.others.push((added(&best)?, further.filter_map(added).collect()));
+    Some(best)
 }
 
 impl Muted {

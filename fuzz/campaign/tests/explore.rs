@@ -1,7 +1,8 @@
 //! Explorations of reference devices: nothing is found on those that keep to their documents, and
 //! mutants of their applications are found and named.
 
-use campaign::{Belief, Blueprint, Campaign, Finding, VirtualDevice};
+use campaign::session::{Script, Session};
+use campaign::{Belief, Blueprint, Campaign, Finding, Judged, Stage, VirtualDevice};
 use reference_devices::change::Deviation;
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::{freedom, mutant};
@@ -68,6 +69,33 @@ fn what_a_document_leaves_open_is_learnt() {
             assert!(found.is_empty(), "{name} with {freedom}: {found:?}");
         }
     }
+}
+
+/// With the links in each other's place alone, the type would be refused without its link; with the
+/// other freedom alone, the alarm would be active.
+#[test]
+fn freedoms_that_only_together_explain_something_are_learnt() {
+    let device = devices::device("em66").unwrap();
+    let both = ["type-before-link", "alarm-links-change-places"];
+    let freedoms = freedom::of(&device).unwrap();
+    let mixture = freedom::mixture(freedoms.iter().filter(|known| both.contains(&&*known.name)));
+    let node = device.description.default_node;
+    let bit_rate = device.description.settings.bit_rate;
+    let mut stage = VirtualDevice::new(mixture.build(&device, node).unwrap(), bit_rate);
+    let blueprint = Blueprint::of_reference(&device, node, bit_rate).unwrap();
+    let mut belief = Belief::new(&blueprint, Vec::new()).unwrap();
+    let answered = r#""then": { "answers": { "id": 1474, "count": 1 } }"#;
+    let text = format!(
+        r#"[ {{ "does": "download", "frames": ["642#23D0650110010074"], {answered} }},
+             {{ "does": "download", "frames": ["642#2FD8650102000000"], {answered} }} ]"#
+    );
+    let session: Session = serde_json::from_str(&text).unwrap();
+    let script = Script::Actions(&session.actions);
+    let seen = stage.play(&blueprint, belief.model(), &script).unwrap().seen;
+    assert_eq!(belief.explain(&seen), Judged::Learnt);
+    let mut learnt: Vec<&str> = belief.freedoms().map(|freedom| &*freedom.name).collect();
+    learnt.sort_unstable();
+    assert_eq!(learnt, ["alarm-links-change-places", "type-before-link"]);
 }
 
 #[test]
