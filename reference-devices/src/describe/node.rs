@@ -191,12 +191,16 @@ impl EmcyFacts {
     }
 }
 
+/// How long a device takes to boot whose description says nothing. A tester that is up to 5 ms late
+/// counts as in time: a command that it sends at once after a reset still comes before the boot-up.
+const BOOT_UP: Duration = Duration::from_millis(10);
+
 /// The settings of the node; an absent table of messages is that of the profile.
 pub(super) fn settings(node: &NodeFacts, emcy: Option<&EmcyFacts>) -> NodeSettings {
     let usual = NodeSettings::default();
     let value = |at: &Option<At<Mux>>| at.as_ref().map(|at| at.value);
     NodeSettings {
-        boot_up_time: node.boot_up_ms.map_or(usual.boot_up_time, Duration::from_millis),
+        boot_up_time: node.boot_up_ms.map_or(BOOT_UP, Duration::from_millis),
         boot_up_time_object: node
             .boot_up_time
             .as_ref()

@@ -126,9 +126,7 @@ impl NodeSettings {
 impl Default for NodeSettings {
     fn default() -> Self {
         Self {
-            // A tester that is up to 5 ms late counts as in time: a command that it sends at once
-            // after a reset still comes before the boot-up.
-            boot_up_time: Duration::from_millis(10),
+            boot_up_time: Duration::from_millis(1),
             boot_up_time_object: None,
             boot_up_state_object: None,
             sdo_timeout: Duration::from_secs(1),
