@@ -4,9 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::characteristics::Characteristic;
 use crate::comparison::{Change, Comparison, Moved};
-use crate::digest::clean;
 use crate::fact::facts;
 use crate::run::Run;
+use crate::style::clean;
 use crate::verdict::Verdict;
 
 /// What is different in `now` from `before`, on the devices that are tested now.

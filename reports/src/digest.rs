@@ -13,7 +13,7 @@ use crate::junit::date;
 use crate::reason::alike;
 use crate::run::{Counts, DeviceRun, Run};
 use crate::side_by_side::SideBySide;
-use crate::style::{printable, shell_word};
+use crate::style::{clean, shell_word};
 use crate::tool_checks::{ToolChecked, tool_checked};
 use crate::verdict::{Grade, Outcome, Verdict};
 
@@ -164,11 +164,6 @@ impl Digest<'_> {
     }
 }
 
-/// Text that a device or a file chose, for a reader: without characters that HTML does not have.
-pub(crate) fn clean(text: &str) -> String {
-    printable(text).replace(['\u{FFFE}', '\u{FFFF}'], "\u{FFFD}")
-}
-
 fn facts_of_run(run: &Run) -> Vec<(&'static str, String)> {
     let Some(started) = &run.started else { return Vec::new() };
     let mut facts = vec![
@@ -267,7 +262,7 @@ fn bars(counts: Counts) -> Vec<Bar> {
 fn causes(run: &Run) -> Vec<Cause> {
     let mut all: Vec<Cause> = facts(run).iter().map(Cause::of).collect();
     // The sort is stable: within a verdict the fact of most instances stays first.
-    all.sort_by_key(|cause| Reverse((run.is_red(cause.verdict), rank(cause.verdict))));
+    all.sort_by_key(|cause| Reverse((run.is_red(cause.verdict), cause.verdict.weight())));
     all
 }
 
@@ -302,7 +297,7 @@ impl Cause {
                 .cases
                 .iter()
                 .map(|(.., it)| it.verdict())
-                .max_by_key(|it| rank(*it))
+                .max_by_key(|it| it.weight())
                 .unwrap_or(Verdict::Pass),
             service: case.info.suite.to_string(),
             said: said.join(", "),
@@ -359,7 +354,7 @@ fn documents(run: &Run) -> Vec<Document> {
                 verdict,
                 about: format!("clause {}: {}", check.clause, check.says),
             });
-            if rank(verdict) > rank(known.verdict) {
+            if verdict.weight() > known.verdict.weight() {
                 known.verdict = verdict;
             }
         }
@@ -373,20 +368,6 @@ fn documents(run: &Run) -> Vec<Document> {
         chapters: chapters.into_iter().map(chapter).collect(),
     };
     all.into_iter().map(document).collect()
-}
-
-/// How much a verdict says about a requirement or a cause. A requirement that one case shows to
-/// hold is tested, although others were skipped; a FAIL is certain, and an ERROR is not.
-pub(crate) const fn rank(verdict: Verdict) -> u8 {
-    match verdict {
-        Verdict::Skip => 0,
-        Verdict::Blocked => 1,
-        Verdict::Pass => 2,
-        Verdict::Lenient => 3,
-        Verdict::Waived => 4,
-        Verdict::Error => 5,
-        Verdict::Fail => 6,
-    }
 }
 
 /// The first two numbers of a clause, to order and to show; all of a clause without numbers.

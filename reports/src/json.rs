@@ -58,7 +58,7 @@ pub struct Report<'r> {
     comparison: Option<Compared<'r>>,
     /// The requirements that cases check, by id.
     requirements: BTreeMap<&'r str, Requirement<'r>>,
-    /// The checks of CiA's conformance test tool by their numbers, when a case of the run makes one.
+    /// The checks of CiA's conformance test tool by their numbers; none when no case makes one.
     tool_checks: Vec<ToolCheck>,
     /// The devices, in the order in which they were tested.
     devices: Vec<Device<'r>>,

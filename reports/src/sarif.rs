@@ -6,10 +6,10 @@ use std::io::{self, Write};
 
 use serde_json::{Value, json};
 
-use crate::digest::clean;
 use crate::event::Check;
 use crate::fact::{Fact, facts};
 use crate::run::Run;
+use crate::style::clean;
 use crate::verdict::{Excerpt, Outcome, Verdict};
 
 /// Writes the report.

@@ -3,8 +3,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::digest::{clean, rank};
 use crate::run::{DeviceRun, Run};
+use crate::style::clean;
 use crate::verdict::Verdict;
 
 /// Several devices in columns.
@@ -51,7 +51,7 @@ impl SideBySide {
 
 /// Whether the verdict is about a requirement that was tried and does not simply hold.
 const fn is_worse(verdict: &Verdict) -> bool {
-    rank(*verdict) > rank(Verdict::Pass)
+    verdict.weight() > Verdict::Pass.weight()
 }
 
 fn requirements(devices: &[DeviceRun]) -> Vec<Requirement> {
@@ -65,7 +65,7 @@ fn requirements(devices: &[DeviceRun]) -> Vec<Requirement> {
                     verdicts: vec![None; devices.len()],
                 });
                 let (verdict, known) = (case.verdict(), &mut of.verdicts[place]);
-                if known.is_none_or(|known| rank(verdict) > rank(known)) {
+                if known.is_none_or(|known| verdict.weight() > known.weight()) {
                     *known = Some(verdict);
                 }
             }

@@ -60,6 +60,11 @@ impl<T: fmt::Display> fmt::Display for Painted<T> {
     }
 }
 
+/// Text that a device or a file chose, for a reader: without characters that HTML does not have.
+pub(crate) fn clean(text: &str) -> String {
+    printable(text).replace(['\u{FFFE}', '\u{FFFF}'], "\u{FFFD}")
+}
+
 /// `text` with control characters spelled out, except line ends, and those that turn the direction
 /// of writing or are not seen. A device chooses some of the printed text, and must neither control
 /// the terminal nor make a line read otherwise than it is.

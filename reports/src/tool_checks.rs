@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::digest::{clean, rank};
 use crate::run::Run;
+use crate::style::clean;
 use crate::verdict::Verdict;
 
 /// A check of the tool, and what the cases say that make it here.
@@ -34,7 +34,7 @@ pub(crate) fn tool_checked(run: &Run) -> Vec<ToolChecked> {
         ToolChecked {
             number: clean(&check.number),
             checks: clean(&check.checks),
-            verdict: counts.keys().copied().max_by_key(|verdict| rank(*verdict)),
+            verdict: counts.keys().copied().max_by_key(|verdict| verdict.weight()),
             counts: counts.into_iter().collect(),
             reason: check.reason.as_deref().map(clean),
         }
@@ -49,7 +49,7 @@ pub(crate) fn tool_checked(run: &Run) -> Vec<ToolChecked> {
 impl ToolChecked {
     /// Whether it was made and does not simply pass.
     pub(crate) fn is_worse(&self) -> bool {
-        self.verdict.is_some_and(|verdict| rank(verdict) > rank(Verdict::Pass))
+        self.verdict.is_some_and(|verdict| verdict.weight() > Verdict::Pass.weight())
     }
 
     /// `12 PASS, 1 FAIL`, or why there is nothing.

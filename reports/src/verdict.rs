@@ -27,6 +27,20 @@ pub enum Verdict {
 }
 
 impl Verdict {
+    /// How much it says about a requirement or a cause. A requirement that one case shows to hold
+    /// is tested, although others were skipped; a FAIL is certain, and an ERROR is not.
+    pub(crate) const fn weight(self) -> u8 {
+        match self {
+            Self::Skip => 0,
+            Self::Blocked => 1,
+            Self::Pass => 2,
+            Self::Lenient => 3,
+            Self::Waived => 4,
+            Self::Error => 5,
+            Self::Fail => 6,
+        }
+    }
+
     /// Whether it needs no explanation of its own: the device passed, or the case says nothing.
     pub const fn is_usual(self) -> bool {
         matches!(self, Self::Pass | Self::Skip | Self::Blocked)

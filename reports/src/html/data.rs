@@ -8,10 +8,10 @@ use canopen::meaning;
 use serde::Serialize;
 
 use super::class;
-use crate::digest::clean;
 use crate::event::{Check, Measured};
 use crate::run::{CaseRun, DeviceRun, Run};
 use crate::story::{Done, Line, Story};
+use crate::style::clean;
 use crate::verdict::{Excerpt, Outcome, Phase};
 
 #[derive(Default, Serialize)]
