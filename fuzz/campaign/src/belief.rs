@@ -295,7 +295,7 @@ impl<'b> Belief<'b> {
 }
 
 /// Whether an SDO server took a download, or refused something. A freedom that expects the other
-/// one may be right beside another that gives leave; with a value that it does not expect, it is not.
+/// one may be right beside another that gives leave; with an unexpected value it is not.
 fn answers_a_write(seen: &Seen) -> bool {
     let Seen::Frame(Stamped { own: false, frame, .. }) = seen else { return false };
     let is_response = frame.data_id().is_some_and(|id| id & 0x780 == RESPONSE_COB_ID);
