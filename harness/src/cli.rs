@@ -79,7 +79,7 @@ pub enum Command {
     Monitor(MonitorArgs),
     /// Write reports from the journals of runs: of one run, of its shards, or of several devices
     Report(RenderArgs),
-    /// Write a first file of waivers from the journal of a run
+    /// Write a first file of waivers from the journal of a run, or prune one
     Waive(WaiveArgs),
     /// Set back what a run that was killed left changed in a device; without a run, list them
     Restore(RestoreArgs),
@@ -142,13 +142,18 @@ pub struct RunArgs {
     /// Print what a run would write, reset and store, and what is protected, and send nothing
     #[arg(long)]
     pub dry_run: bool,
-    /// Run only the cases that made the run of this journal red, and those that they rely on
+    /// Run only the cases that made the run of this journal red or were FLAKY in it, and those that
+    /// they rely on
     #[arg(long, value_name = "JOURNAL")]
     pub last_failed: Option<PathBuf>,
     /// Run every Nth case, from the Ith on: N devices of a kind, each on a bus of its own, share
     /// the cases and the time
     #[arg(long, value_name = "I/N", value_parser = shard)]
     pub shard: Option<Shard>,
+    /// Run each case N times: what fails and passes is FLAKY, and the run is not green
+    #[arg(long, value_name = "N", default_value_t = 1, hide_default_value = true)]
+    #[arg(value_parser = whole::<u32>(1..=100_000))]
+    pub repeat: u32,
     /// Run the cases in random order
     #[arg(long)]
     pub shuffle: bool,
@@ -527,6 +532,7 @@ impl CampaignArgs {
             dry_run: false,
             last_failed: None,
             shard: self.shard,
+            repeat: 1,
             shuffle: false,
             seed: Some(self.seed),
             every_index: false,
@@ -757,6 +763,13 @@ pub struct WaiveArgs {
     /// each is waived as what occurs sometimes
     #[arg(required = true)]
     pub journals: Vec<PathBuf>,
+    /// Instead, leave out of this file of waivers, in place, those that have expired and those that
+    /// these runs show to be needed no longer; what they do not decide stays
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["out", "reason", "owner", "expires"])]
+    pub prune: Option<PathBuf>,
+    /// The date on which waivers expire, instead of that of the clock
+    #[arg(long, value_name = "DATE", hide = true, value_parser = date)]
+    pub today: Option<String>,
     /// File to write, which must not exist; printed when absent
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,

@@ -185,7 +185,7 @@ impl Reporter {
         };
         if self.annotate {
             let is_there = |file: &str| Path::new(file).is_file();
-            text.extend(github::annotation(device, case, is_there));
+            text.extend(github::annotation(&self.run, device, case, is_there));
         }
         if !text.is_empty() {
             self.bar.suspend(|| print(&text));

@@ -71,7 +71,7 @@ fn what_only_the_device_can_have_sent_is_a_failure_although_it_came_once() {
         ("mute", "cia301/heartbeat/switched-off", Verdict::Fail),
         ("stopped", "cia301/pdo-states/none-in-stopped[TPDO1]", Verdict::Fail),
         // The machine may have been busy.
-        ("late", "cia301/heartbeat/switched-off", Verdict::Lenient),
+        ("late", "cia301/heartbeat/switched-off", Verdict::Flaky),
     ] {
         let target = served(&format!("{path} --mutant {mutant}"));
         let run = run(&target, &[case]);

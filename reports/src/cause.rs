@@ -44,7 +44,7 @@ impl Cause {
         match outcome {
             Outcome::Pass | Outcome::Skip(_) | Outcome::Blocked(_) | Outcome::Undecided(_) => None,
             Outcome::Waived { outcome, .. } => Self::of(requirement, outcome),
-            Outcome::Lenient(problem) | Outcome::Fail(problem) => {
+            Outcome::Lenient(problem) | Outcome::Fail(problem) | Outcome::Flaky { problem, .. } => {
                 Some(match problem.phase == Phase::Monitor {
                     true => Self::of_problem(problem),
                     false => of_requirement(problem),

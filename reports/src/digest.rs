@@ -114,7 +114,7 @@ pub(crate) struct Requirement {
 impl<'r> Digest<'r> {
     pub(crate) fn of(run: &'r Run) -> Self {
         let counts = run.counts();
-        let rare = |verdict: &Verdict| matches!(verdict, Verdict::Blocked | Verdict::Waived);
+        let rare = |verdict: &Verdict| verdict.is_rare();
         let columns = Verdict::ALL.into_iter().filter(|it| !rare(it) || counts.of(*it) > 0);
         let names: Vec<&str> = run.devices.iter().map(|it| &*it.info.device).collect();
         let is_green = run.is_green() && run.ended.as_ref().is_some_and(|it| it.exit == 0);
@@ -279,7 +279,8 @@ impl Cause {
         };
         let expected = problem.map(|problem| named(&problem.expected)).unwrap_or_default();
         let said = [("", case.info.requirement_ids()), ("expected ", expected.clone())];
-        let said = said.into_iter().chain([("came ", came.clone())]);
+        let times = case.outcome.times().unwrap_or_default();
+        let said = said.into_iter().chain([("came ", came.clone()), ("", times)]);
         let said: Vec<String> = said
             .filter(|(_, text)| !text.is_empty())
             .map(|(before, text)| format!("{before}{text}"))

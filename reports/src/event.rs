@@ -32,8 +32,8 @@ pub enum Event {
     Frame(Stamped),
     /// A remark of the runner, the bench or the CAN controller.
     Note(Note),
-    /// The attempt at the case proves nothing, and it begins anew. The remark says why.
-    CaseRepeated(Note),
+    /// The attempt at the case does not decide it alone, and it begins anew.
+    CaseRepeated(Repeated),
     /// A step of the case begins.
     Step(Begun),
     /// Something was set on the physical side of the device.
@@ -66,6 +66,12 @@ pub struct RunStarted {
     /// Which part of the cases it has, when it shares them with others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shard: Option<Shard>,
+    /// Whether the user chose some of the cases.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub selected: bool,
+    /// How often each case runs, when that is more than once.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub repeat: Option<u32>,
     /// The checks of CiA's conformance test tool, and the cases that make them here.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub tool_checks: Vec<ToolCheck>,
@@ -225,6 +231,21 @@ pub struct Note {
     pub at: Instant,
     /// The remark, in one line, such as `settled by reset node`.
     pub text: String,
+}
+
+/// The end of an attempt at a case that is not the last one.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Repeated {
+    /// When.
+    #[serde(with = "wire::nanoseconds")]
+    pub at: Instant,
+    /// Why the case begins anew, in one line.
+    pub text: String,
+    /// Whether the attempt showed something that is not as expected. Reports show it where the
+    /// verdict is about it and not about the last one.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub failed: bool,
 }
 
 /// A step as it begins.

@@ -6,15 +6,15 @@ use crate::run::{CaseRun, DeviceRun, Run};
 use crate::style::shell_word;
 use crate::verdict::{Excerpt, Outcome, Verdict};
 
-/// One line per case that failed or erred (`::error`), was tolerated (`::warning`) or is waived
-/// (`::notice`). Only files
-/// for which `is_there` holds are named: GitHub shows an annotation at a line of the repository.
+/// One line per case that failed or erred (`::error`), was tolerated or is flaky (`::warning`) or is
+/// waived (`::notice`). Only files for which `is_there` holds are named: GitHub shows an annotation at a line of the repository.
 pub fn annotations(run: &Run, is_there: impl Fn(&str) -> bool) -> String {
-    run.cases().filter_map(|(device, case)| annotation(device, case, &is_there)).collect()
+    run.cases().filter_map(|(device, case)| annotation(run, device, case, &is_there)).collect()
 }
 
 /// The line of one case, its end included; `None` when there is nothing to say.
 pub fn annotation(
+    run: &Run,
     device: &DeviceRun,
     case: &CaseRun,
     is_there: impl Fn(&str) -> bool,
@@ -22,7 +22,8 @@ pub fn annotation(
     let command = match case.verdict() {
         Verdict::Pass | Verdict::Skip | Verdict::Blocked => return None,
         Verdict::Waived => "notice",
-        Verdict::Lenient => "warning",
+        Verdict::Flaky if run.is_red(Verdict::Flaky) => "error",
+        Verdict::Lenient | Verdict::Flaky => "warning",
         Verdict::Fail | Verdict::Error => "error",
     };
     let info = &case.info;
@@ -43,6 +44,9 @@ pub fn annotation(
         if let Some(sheet) = &problem.sheet {
             let _ = write!(message, "\n{}:{} says {}", sheet.file, sheet.line, sheet.source);
         }
+    }
+    if let Some(times) = case.outcome.times() {
+        let _ = write!(message, "\nflaky: it failed {times}");
     }
     if let Outcome::Waived { waiver, .. } = &case.outcome {
         let _ = write!(message, "\nwaived: {waiver}");

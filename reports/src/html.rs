@@ -42,6 +42,7 @@ const fn class(verdict: &Verdict) -> &'static str {
         Verdict::Skip => "skip",
         Verdict::Blocked => "blocked",
         Verdict::Waived => "waived",
+        Verdict::Flaky => "flaky",
         Verdict::Fail => "fail",
         Verdict::Error => "error",
     }

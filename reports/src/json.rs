@@ -40,6 +40,8 @@ pub struct Report<'r> {
     target: Cow<'r, str>,
     /// The grade at which the run counts as green: `lenient` or `strict`.
     grade: &'static str,
+    /// How often each case ran, when that is more than once: FLAKY is not green then.
+    repeat: Option<u32>,
     /// What random things are drawn by.
     seed: Option<u64>,
     /// When the run began, in seconds since 1970; `null` in virtual time.
@@ -185,10 +187,20 @@ struct Case<'r> {
     reason: Option<&'r str>,
     #[serde(skip_serializing_if = "Option::is_none")]
     waived: Option<String>,
+    /// Of a case that does not fail each time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    flaky: Option<Flaky>,
     #[serde(skip_serializing_if = "Option::is_none")]
     problem: Option<Problem<'r>>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     measured: Vec<Figures<'r>>,
+}
+
+/// In how many of its attempts a case failed.
+#[derive(Serialize, JsonSchema)]
+struct Flaky {
+    failed: u32,
+    of: u32,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -238,6 +250,7 @@ impl<'r> Report<'r> {
                 crate::Grade::Strict => "strict",
                 crate::Grade::Lenient => "lenient",
             },
+            repeat: started.and_then(|it| it.repeat),
             seed: started.and_then(|it| it.seed),
             began: started.and_then(|it| it.began),
             green: digest.is_green,
@@ -367,6 +380,7 @@ impl<'r> Case<'r> {
             frames: case.frames,
             reason,
             waived,
+            flaky: Flaky::of(&case.outcome),
             problem: case.outcome.problem().map(|problem| Problem {
                 expected: &problem.expected,
                 came: &problem.actual,
@@ -381,6 +395,16 @@ impl<'r> Case<'r> {
                     .collect(),
             }),
             measured: case.measured.iter().map(Figures::of).collect(),
+        }
+    }
+}
+
+impl Flaky {
+    fn of(outcome: &Outcome) -> Option<Self> {
+        match outcome {
+            Outcome::Flaky { failed, of, .. } => Some(Self { failed: *failed, of: *of }),
+            Outcome::Waived { outcome, .. } => Self::of(outcome),
+            _ => None,
         }
     }
 }

@@ -15,7 +15,7 @@ use crate::fact::{Noticed, facts};
 use crate::run::{CaseRun, DeviceRun, Run, SuiteRun};
 use crate::style::Style;
 use crate::terminal::details;
-use crate::verdict::{Grade, Outcome, Phase, Problem};
+use crate::verdict::{Grade, Outcome, Phase, Problem, Verdict};
 
 /// Writes the whole file.
 ///
@@ -29,10 +29,12 @@ pub fn write(run: &Run, out: &mut dyn Write) -> io::Result<()> {
     }
     let suites = run.devices.iter().flat_map(|device| device.suites.iter().map(move |_| device));
     let properties: Vec<String> = suites.map(|device| properties(run, device)).collect();
+    let flaky: Vec<String> =
+        run.cases().map(|(device, case)| flaky(run, device, case).unwrap_or_default()).collect();
     let mut bytes = Vec::new();
     report.build().write_xml(&mut bytes).expect("memory takes every byte");
     let xml = String::from_utf8(bytes).expect("XML is written as UTF-8");
-    one_element_a_line(&xml, &properties, out)
+    one_element_a_line(&xml, &properties, &flaky, out)
 }
 
 /// The date of a moment in seconds since 1970, such as `2026-12-31`.
@@ -97,13 +99,13 @@ fn test_suite(run: &Run, device: &DeviceRun, suite: &SuiteRun, kinds: &Kinds) ->
         package: attribute(&device.info.device),
         timestamp: began.map_or(OffsetDateTime::UNIX_EPOCH, |began| moment(began + first)),
         hostname: "localhost".into(),
-        testcases: suite.cases.iter().map(|case| test_case(device, case, kinds)).collect(),
+        testcases: suite.cases.iter().map(|case| test_case(run, device, case, kinds)).collect(),
         system_out: device.info.remark.as_deref().map(cdata),
         system_err: None,
     }
 }
 
-fn test_case(device: &DeviceRun, case: &CaseRun, kinds: &Kinds) -> TestCase {
+fn test_case(run: &Run, device: &DeviceRun, case: &CaseRun, kinds: &Kinds) -> TestCase {
     let (info, names) = (&case.info, &device.info.objects);
     let name = info.short_name();
     let name = attribute(&name);
@@ -115,7 +117,7 @@ fn test_case(device: &DeviceRun, case: &CaseRun, kinds: &Kinds) -> TestCase {
             test.set_system_out(&cdata(&sentence(info)));
             test
         }
-        Outcome::Lenient(_) => {
+        Outcome::Lenient(_) | Outcome::Flaky { .. } if !fails(run, case) => {
             let mut test = TestCaseBuilder::success(&name, time);
             test.set_system_out(&text());
             test
@@ -132,12 +134,12 @@ fn test_case(device: &DeviceRun, case: &CaseRun, kinds: &Kinds) -> TestCase {
             test.set_system_out(&text());
             test
         }
-        Outcome::Fail(problem) => {
+        Outcome::Lenient(problem) | Outcome::Fail(problem) | Outcome::Flaky { problem, .. } => {
             let mut test = TestCaseBuilder::failure(
                 &name,
                 time,
                 &kind_of(case, kinds, phase(problem.phase)),
-                &attribute(&names.in_text(&difference(problem))),
+                &attribute(&names.in_text(&difference(case, problem))),
             );
             test.set_trace(&text());
             test
@@ -167,11 +169,33 @@ fn sentence(case: &CaseStarted) -> String {
     format!("{}\nchecks {}\n", case.title, ids.join(", "))
 }
 
-fn difference(problem: &Problem) -> String {
+/// Whether it is written as a failure. LENIENT never is: a server has no word for a warning.
+fn fails(run: &Run, case: &CaseRun) -> bool {
+    match case.outcome {
+        Outcome::Flaky { .. } => run.is_red(Verdict::Flaky),
+        Outcome::Fail(_) => true,
+        _ => false,
+    }
+}
+
+/// What a test that passed says where it failed before, as Maven writes it and servers read it.
+fn flaky(run: &Run, device: &DeviceRun, case: &CaseRun) -> Option<String> {
+    let Outcome::Flaky { problem, .. } = &case.outcome else { return None };
+    if fails(run, case) {
+        return None;
+    }
+    let message = device.info.objects.in_text(&difference(case, problem)).into_owned();
+    let kind = case.cause.as_ref().map(ToString::to_string).unwrap_or_default();
+    let [message, kind] = [message, kind].map(|text| escape(&attribute(&text)));
+    Some(format!("<flakyFailure message=\"{message}\" type=\"{kind}\"/>\n"))
+}
+
+fn difference(case: &CaseRun, problem: &Problem) -> String {
     let sheet = problem.sheet.as_ref();
     let says = sheet.map(|place| format!("; {}:{} says {}", place.file, place.line, place.source));
     let says = says.unwrap_or_default();
-    format!("expected {}; came {}{says}", problem.expected, problem.actual)
+    let times = case.outcome.times().map(|times| format!("; {times}")).unwrap_or_default();
+    format!("expected {}; came {}{says}{times}", problem.expected, problem.actual)
 }
 
 /// The kinds of what did not pass.
@@ -204,9 +228,14 @@ const fn phase(phase: Phase) -> &'static str {
 }
 
 /// The crate writes one long line, in which no diff and no person finds anything.
-/// The properties of each test suite stand first in it.
-fn one_element_a_line(xml: &str, properties: &[String], out: &mut dyn Write) -> io::Result<()> {
-    let mut properties = properties.iter();
+/// The properties of each test suite stand first in it, and what is `flaky` in its test case.
+fn one_element_a_line(
+    xml: &str,
+    properties: &[String],
+    flaky: &[String],
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    let (mut properties, mut flaky) = (properties.iter(), flaky.iter());
     // CDATA sections hold the traces; those stay as they are. In attributes `>` is escaped.
     for part in xml.split_inclusive(CDATA_END) {
         let (markup, data) = part.split_at(part.find(CDATA_START).unwrap_or(part.len()));
@@ -214,6 +243,11 @@ fn one_element_a_line(xml: &str, properties: &[String], out: &mut dyn Write) -> 
             out.write_all(line.as_bytes())?;
             if line.starts_with("<testsuite ")
                 && let Some(text) = properties.next()
+            {
+                out.write_all(text.as_bytes())?;
+            }
+            if line.starts_with("<testcase ")
+                && let Some(text) = flaky.next()
             {
                 out.write_all(text.as_bytes())?;
             }
@@ -259,7 +293,7 @@ mod tests {
     fn line_ends_between_elements_only() {
         let mut lines = Vec::new();
         let xml = "<a><b m=\"&gt;&lt;\"><![CDATA[><]]]]><![CDATA[>x><y]]></b></a>";
-        one_element_a_line(xml, &[], &mut lines).expect("memory takes every byte");
+        one_element_a_line(xml, &[], &[], &mut lines).expect("memory takes every byte");
         let expected = "<a>\n<b m=\"&gt;&lt;\"><![CDATA[><]]]]><![CDATA[>x><y]]></b>\n</a>\n";
         assert_eq!(std::str::from_utf8(&lines), Ok(expected));
     }

@@ -49,7 +49,9 @@ fn both(one: RunStarted, other: &Run) -> RunStarted {
     };
     let began = [one.began, other.began].into_iter().flatten().min();
     let grade = if one.grade == other.grade { one.grade } else { crate::Grade::Strict };
-    RunStarted { target, began, grade, shard: None, ..one }
+    let repeat = one.repeat.max(other.repeat);
+    let selected = one.selected || other.selected;
+    RunStarted { target, began, grade, repeat, selected, shard: None, ..one }
 }
 
 fn add(devices: &mut Vec<DeviceRun>, device: DeviceRun, is_shard: bool) {

@@ -9,8 +9,8 @@ use crate::cause::Cause;
 use crate::characteristics::{Characteristic, Watched};
 use crate::comparison::Comparison;
 use crate::event::{
-    Begun, CaseEnded, CaseStarted, DeviceStarted, Event, Measured, Note, RunEnded, RunStarted,
-    Stimulus,
+    Begun, CaseEnded, CaseStarted, DeviceStarted, Event, Measured, Note, Repeated, RunEnded,
+    RunStarted, Stimulus,
 };
 use crate::journal::{self, JournalError};
 use crate::verdict::{Grade, Outcome, Problem, Verdict};
@@ -43,6 +43,23 @@ pub struct Run {
     suite: usize,
     /// The memory of a trace that was not kept, for the next one.
     spare: Vec<Stamped>,
+    /// When the present attempt at the open case began.
+    attempt: Instant,
+    /// The latest earlier attempt at it that failed.
+    failed: Option<Box<Attempt>>,
+}
+
+/// What belongs to one attempt at a case.
+#[derive(Clone, Debug, Default)]
+struct Attempt {
+    began: Instant,
+    ended: Instant,
+    measured: Vec<Measured>,
+    notes: Vec<Note>,
+    steps: Vec<Begun>,
+    stimuli: Vec<Stimulus>,
+    frames: usize,
+    trace: Vec<Stamped>,
 }
 
 /// The results of one device.
@@ -80,9 +97,10 @@ pub struct CaseRun {
     pub relies_on: Vec<Arc<str>>,
     /// When it was over; the last that is known of it when it did not come to its end.
     pub ended: Instant,
-    /// The figures it took.
+    /// The figures it took; of a case that was repeated, those of the attempt that its verdict is
+    /// about, as for all below.
     pub measured: Vec<Measured>,
-    /// Remarks, by time; of a case that was repeated, those of the last attempt, as for all below.
+    /// Remarks, by time.
     pub notes: Vec<Note>,
     /// Its steps, by time; of a case that passed, empty when they were not [kept](Keep).
     pub steps: Vec<Begun>,
@@ -157,15 +175,7 @@ impl Run {
                 }
                 Ok(())
             }
-            // The last attempt counts, and the journal has the others.
-            Event::CaseRepeated(note) => {
-                let case = self.open_case().ok_or(OutOfOrder("no case is repeated"))?;
-                case.ended = case.ended.max(note.at);
-                case.notes = vec![note.clone()];
-                (case.steps, case.stimuli, case.frames) = (Vec::new(), Vec::new(), 0);
-                case.trace.clear();
-                Ok(())
-            }
+            Event::CaseRepeated(repeated) => self.repeat_case(repeated),
             Event::Step(step) => {
                 if let Some(case) = self.open_case() {
                     case.ended = case.ended.max(step.at);
@@ -226,8 +236,15 @@ impl Run {
         match verdict {
             Verdict::Pass | Verdict::Skip | Verdict::Blocked | Verdict::Waived => false,
             Verdict::Lenient => grade == Grade::Strict,
+            // A lost frame may be the reason, unless somebody wants to know what differs.
+            Verdict::Flaky => grade == Grade::Strict || self.is_repeated(),
             Verdict::Fail | Verdict::Error => true,
         }
+    }
+
+    /// Whether each case ran several times.
+    pub(crate) fn is_repeated(&self) -> bool {
+        self.started.as_ref().is_some_and(|run| run.repeat.is_some())
     }
 
     fn start_run(&mut self, run: &RunStarted) -> Result<(), OutOfOrder> {
@@ -284,17 +301,40 @@ impl Run {
             frames: 0,
             trace: std::mem::take(&mut self.spare),
         });
-        self.running = true;
+        (self.running, self.attempt, self.failed) = (true, case.at, None);
+        Ok(())
+    }
+
+    /// The last attempt counts, or the latest one that failed. The journal has the others.
+    fn repeat_case(&mut self, repeated: &Repeated) -> Result<(), OutOfOrder> {
+        let began = self.attempt;
+        let case = self.open_case().ok_or(OutOfOrder("no case is repeated"))?;
+        let note = Note { at: repeated.at, text: repeated.text.clone() };
+        case.ended = case.ended.max(note.at);
+        let mut attempt = Box::new(Attempt { began, ended: note.at, ..Attempt::default() });
+        attempt.swap(case);
+        case.notes.push(note.clone());
+        self.attempt = note.at;
+        if repeated.failed {
+            attempt.notes.push(note);
+            self.failed = Some(attempt);
+        }
         Ok(())
     }
 
     fn end_case(&mut self, end: &CaseEnded) -> Result<(), OutOfOrder> {
-        let keep = self.keep;
+        let (keep, failed) = (self.keep, self.failed.take());
         let case = self.open_case().ok_or(OutOfOrder("a case ends that did not start"))?;
         case.ended = end.at;
         case.outcome = end.outcome.clone();
         case.cause = end.cause.clone().map(Box::new);
         case.relies_on.clone_from(&end.relies_on);
+        if let Some(problem) = end.outcome.problem()
+            && let Some(mut attempt) =
+                failed.filter(|attempt| (attempt.began..=attempt.ended).contains(&problem.at))
+        {
+            attempt.swap(case);
+        }
         if keep == Keep::Unusual && case.verdict().is_usual() {
             (case.steps, case.stimuli) = (Vec::new(), Vec::new());
             let mut spare = std::mem::take(&mut case.trace);
@@ -323,6 +363,17 @@ impl Run {
             return Err(OutOfOrder("the run is over"));
         }
         Ok(())
+    }
+}
+
+impl Attempt {
+    fn swap(&mut self, case: &mut CaseRun) {
+        std::mem::swap(&mut self.measured, &mut case.measured);
+        std::mem::swap(&mut self.notes, &mut case.notes);
+        std::mem::swap(&mut self.steps, &mut case.steps);
+        std::mem::swap(&mut self.stimuli, &mut case.stimuli);
+        std::mem::swap(&mut self.frames, &mut case.frames);
+        std::mem::swap(&mut self.trace, &mut case.trace);
     }
 }
 
@@ -395,8 +446,8 @@ impl FromIterator<Verdict> for Counts {
     }
 }
 
-/// `9 passed, 0 lenient, 1 failed, 0 errors, 2 skipped, 3 blocked, 1 waived`; the last two if there
-/// are any.
+/// `9 passed, 0 lenient, 1 failed, 0 errors, 2 skipped, 3 blocked, 1 waived, 1 flaky`; the last
+/// three if there are any.
 impl fmt::Display for Counts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let errors = self.of(Verdict::Error);
@@ -409,7 +460,9 @@ impl fmt::Display for Counts {
             if errors == 1 { "" } else { "s" },
             self.of(Verdict::Skip),
         )?;
-        for (verdict, word) in [(Verdict::Blocked, "blocked"), (Verdict::Waived, "waived")] {
+        let rare =
+            [(Verdict::Blocked, "blocked"), (Verdict::Waived, "waived"), (Verdict::Flaky, "flaky")];
+        for (verdict, word) in rare {
             match self.of(verdict) {
                 0 => {}
                 count => write!(f, ", {count} {word}")?,

@@ -22,7 +22,7 @@ pub fn write(run: &Run, out: &mut dyn Write) -> io::Result<()> {
     for check in facts.iter().flat_map(|fact| fact.first.2.info.checks.iter()) {
         rules.entry(&check.id).or_insert_with(|| rule(check));
     }
-    let results: Vec<Value> = facts.iter().filter_map(result).collect();
+    let results: Vec<Value> = facts.iter().filter_map(|fact| result(run, fact)).collect();
     let version = run.started.as_ref().map_or("", |started| started.harness.as_str());
     let report = json!({
         "$schema": SCHEMA,
@@ -76,12 +76,13 @@ fn rule(check: &Check) -> Value {
 }
 
 /// The cause, at the place of the case that explains the others.
-fn result(fact: &Fact<'_>) -> Option<Value> {
+fn result(run: &Run, fact: &Fact<'_>) -> Option<Value> {
     let (_, device, case) = fact.first;
     let problem = case.outcome.problem();
     let level = match case.verdict() {
         Verdict::Fail | Verdict::Waived => "error",
-        Verdict::Lenient => "warning",
+        Verdict::Flaky if run.is_red(Verdict::Flaky) => "error",
+        Verdict::Lenient | Verdict::Flaky => "warning",
         Verdict::Error => "note",
         Verdict::Pass | Verdict::Skip | Verdict::Blocked => return None,
     };
@@ -90,7 +91,8 @@ fn result(fact: &Fact<'_>) -> Option<Value> {
         (_, Some(problem)) => format!("expected {}, came {}", problem.expected, problem.actual),
         (_, None) => String::new(),
     };
-    let said = device.info.objects.in_text(&said);
+    let times = case.outcome.times().map(|times| format!(", {times}")).unwrap_or_default();
+    let said = device.info.objects.in_text(&said) + &*times;
     let name = case.info.name();
     let cases = match fact.cases.len() {
         1 => String::new(),

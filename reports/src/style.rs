@@ -21,6 +21,7 @@ impl Style {
                 Verdict::Lenient => "33",
                 Verdict::Skip | Verdict::Blocked => "36",
                 Verdict::Waived => "35",
+                Verdict::Flaky => "1;33",
                 Verdict::Fail => "1;31",
                 Verdict::Error => "1;35",
             },

@@ -36,7 +36,7 @@ pub struct Printer {
     verbosity: Verbosity,
     /// The facts that were explained.
     explained: Explained,
-    /// The hint on how to see more of LENIENT cases was printed.
+    /// The hint on how to see more of LENIENT and FLAKY cases was printed.
     hinted: bool,
     last: Last,
 }
@@ -65,9 +65,9 @@ impl Printer {
         {
             return String::new();
         }
-        // A LENIENT case has as much to show, and is green.
-        let in_full = run.is_red(verdict)
-            || verdict == Verdict::Lenient && self.verbosity == Verbosity::Verbose;
+        // It has as much to show, and may be green.
+        let is_mild = matches!(verdict, Verdict::Lenient | Verdict::Flaky);
+        let in_full = run.is_red(verdict) || is_mild && self.verbosity == Verbosity::Verbose;
         let block = in_full && !self.is_explained(device, case);
         let mut text = String::new();
         if self.last == Last::Block || block && self.last == Last::Line {
@@ -78,7 +78,7 @@ impl Printer {
             true => text.push_str(&details(device, case, self.style)),
             false => text.push_str(&case_line(device, case, self.style)),
         }
-        if verdict == Verdict::Lenient && !block && !std::mem::replace(&mut self.hinted, true) {
+        if is_mild && !block && !std::mem::replace(&mut self.hinted, true) {
             text.push_str("         -v shows its steps and frames\n");
         }
         if !block && self.verbosity == Verbosity::Verbose {
@@ -125,6 +125,9 @@ pub fn case_line(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
     let rest = match &case.outcome {
         Outcome::Pass => time(case.duration()),
         Outcome::Lenient(problem) | Outcome::Fail(problem) => came_instead(problem),
+        Outcome::Flaky { problem, .. } => {
+            format!("{} {}", case.outcome.times().unwrap_or_default(), came_instead(problem))
+        }
         Outcome::Error { problem: Some(problem), .. } => came_instead(problem),
         Outcome::Skip(reason)
         | Outcome::Blocked(reason)

@@ -18,8 +18,10 @@ pub enum Verdict {
     Skip,
     /// Not run, or not to its end, because a requirement it relies on does not hold on this device.
     Blocked,
-    /// FAIL, ERROR or LENIENT for a reason that its user knows and has waived.
+    /// FAIL, ERROR, FLAKY or LENIENT for a reason that its user knows and has waived.
     Waived,
+    /// Not conformant each time: of the attempts of one run, some failed and others did not.
+    Flaky,
     /// Not conformant.
     Fail,
     /// No statement about the device: the bench or the harness could not do its part.
@@ -36,8 +38,9 @@ impl Verdict {
             Self::Pass => 2,
             Self::Lenient => 3,
             Self::Waived => 4,
-            Self::Error => 5,
-            Self::Fail => 6,
+            Self::Flaky => 5,
+            Self::Error => 6,
+            Self::Fail => 7,
         }
     }
 
@@ -46,13 +49,19 @@ impl Verdict {
         matches!(self, Self::Pass | Self::Skip | Self::Blocked)
     }
 
+    /// Whether a table has a column for it only where it occurs.
+    pub(crate) const fn is_rare(self) -> bool {
+        matches!(self, Self::Blocked | Self::Waived | Self::Flaky)
+    }
+
     /// Every verdict, in ascending weight.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Pass,
         Self::Lenient,
         Self::Skip,
         Self::Blocked,
         Self::Waived,
+        Self::Flaky,
         Self::Fail,
         Self::Error,
     ];
@@ -70,7 +79,11 @@ impl Verdict {
                 "The case relies on a requirement that does not hold on this device; the run \
                  stays green."
             }
-            Self::Waived => "A FAIL, ERROR or LENIENT that is waived; the run stays green.",
+            Self::Waived => "A FAIL, ERROR, FLAKY or LENIENT that is waived; the run stays green.",
+            Self::Flaky => {
+                "The case failed and then passed when it was repeated; with `--repeat` or `--grade \
+                 strict` the run is not green."
+            }
             Self::Fail => "The device breaks a requirement that is a must.",
             Self::Error => "The case could not be carried out; it says nothing about the device.",
         }
@@ -84,6 +97,7 @@ impl Verdict {
             Self::Skip => "SKIP",
             Self::Blocked => "BLOCKED",
             Self::Waived => "XFAIL",
+            Self::Flaky => "FLAKY",
             Self::Fail => "FAIL",
             Self::Error => "ERROR",
         }
@@ -121,9 +135,18 @@ pub enum Outcome {
     Blocked(String),
     /// The device's mistake.
     Fail(Box<Problem>),
+    /// The device's mistake, which it does not make each time.
+    Flaky {
+        /// That of the latest attempt that failed.
+        problem: Box<Problem>,
+        /// In how many attempts or repeats it failed.
+        failed: u32,
+        /// Of how many.
+        of: u32,
+    },
     /// The original verdict, and why it is accepted.
     Waived {
-        /// FAIL, ERROR or LENIENT.
+        /// FAIL, ERROR, FLAKY or LENIENT.
         outcome: Box<Self>,
         /// The waiver.
         waiver: Box<Waiver>,
@@ -149,6 +172,7 @@ impl Outcome {
             Self::Skip(_) => Verdict::Skip,
             Self::Blocked(_) => Verdict::Blocked,
             Self::Waived { .. } => Verdict::Waived,
+            Self::Flaky { .. } => Verdict::Flaky,
             Self::Fail(_) => Verdict::Fail,
             Self::Error { .. } | Self::Undecided(_) => Verdict::Error,
         }
@@ -164,7 +188,7 @@ impl Outcome {
     #[must_use]
     pub fn capped(self, reasons: Vec<String>) -> Self {
         match self {
-            Self::Fail(mut problem) => {
+            Self::Fail(mut problem) | Self::Flaky { mut problem, .. } => {
                 problem.capped = true;
                 problem.notes.extend(reasons);
                 Self::Lenient(problem)
@@ -187,6 +211,7 @@ impl Outcome {
             Self::Pass
             | Self::Skip(_)
             | Self::Blocked(_)
+            | Self::Flaky { .. }
             | Self::Error { .. }
             | Self::Undecided(_) => false,
         }
@@ -197,10 +222,21 @@ impl Outcome {
         matches!(self, Self::Error { reason, .. } if reason.starts_with(NOT_RUN))
     }
 
+    /// `in 1 of 3 attempts`, of a case that does not fail each time.
+    pub(crate) fn times(&self) -> Option<String> {
+        match self {
+            Self::Flaky { failed, of, .. } => Some(format!("in {failed} of {of} attempts")),
+            Self::Waived { outcome, .. } => outcome.times(),
+            _ => None,
+        }
+    }
+
     /// The problem, when there is one.
     pub fn problem(&self) -> Option<&Problem> {
         match self {
-            Self::Lenient(problem) | Self::Fail(problem) => Some(problem),
+            Self::Lenient(problem) | Self::Fail(problem) | Self::Flaky { problem, .. } => {
+                Some(problem)
+            }
             Self::Error { problem, .. } => problem.as_deref(),
             Self::Waived { outcome, .. } => outcome.problem(),
             Self::Pass | Self::Skip(_) | Self::Blocked(_) | Self::Undecided(_) => None,

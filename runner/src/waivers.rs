@@ -89,12 +89,25 @@ struct CauseEntry {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 enum WaivedVerdict {
-    /// FAIL.
+    /// FAIL, and FLAKY: what fails may pass now and then.
     Fail,
+    /// FLAKY alone; that it does not occur in each run is no error.
+    Flaky,
     /// ERROR.
     Error,
     /// LENIENT.
     Lenient,
+}
+
+/// What runs say of a waiver.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Need {
+    /// It covers something.
+    Needed,
+    /// It may cover something: why that is not decided.
+    Undecided(String),
+    /// It covers nothing: why not.
+    Needless(String),
 }
 
 /// One glob or several.
@@ -166,6 +179,19 @@ impl Waivers {
         }
     }
 
+    /// What `runs` say of each waiver, with its place and the names of its cases.
+    pub fn needs(&self, runs: &[Run]) -> Vec<(Place, String, Need)> {
+        let need = |At { value: waiver, place }: &At<WaiverEntry>| {
+            let globs: Vec<&str> = waiver.cases.0.iter().map(|glob| glob.value.as_str()).collect();
+            let need = match waiver.expires.as_ref().filter(|_| waiver.has_expired(&self.today)) {
+                Some(date) => Need::Needless(format!("it expired on {}", date.value)),
+                None => waiver.need(runs),
+            };
+            (*place, globs.join(", "), need)
+        };
+        self.entries.iter().map(need).collect()
+    }
+
     /// The waivers that `run` does not confirm, where `names` are the existing cases. Of a run of
     /// `selected` ones, nothing is known of a waiver that names others, too.
     pub fn out_of_date(&self, run: &Run, names: &[String], selected: bool) -> Vec<Complaint> {
@@ -181,9 +207,9 @@ impl Waivers {
             let mut complain = |place, message| {
                 complaints.push(Complaint::at(&self.source, place, message));
             };
-            let of_campaign = |glob: &str| glob.split('/').next() == Some(CAMPAIGN);
             let absent = |glob: &&At<String>| {
-                !of_campaign(&glob.value) && !names.iter().any(|name| is_named(&glob.value, name))
+                !is_of_campaign(&glob.value)
+                    && !names.iter().any(|name| is_named(&glob.value, name))
             };
             let mut known = true;
             for glob in waiver.cases.0.iter().filter(absent) {
@@ -191,10 +217,7 @@ impl Waivers {
                 complain(glob.place, format!("no case is called `{}`{meant}", glob.value));
                 known = false;
             }
-            let of_devices = run.cases().filter(|(device, _)| waiver.concerns(&device.info.device));
-            let named = of_devices.map(|(_, case)| case);
-            let named = named.filter(|case| waiver.names(&case.info.name()));
-            let named: Vec<&CaseRun> = named.collect();
+            let named = waiver.named_in(run);
             // What is undecided may be where the cause would occur.
             if named.iter().any(|case| matches!(case.outcome, Outcome::Undecided(_))) {
                 continue;
@@ -202,7 +225,7 @@ impl Waivers {
             let ran: Vec<&CaseRun> = named.into_iter().filter(|it| waiver.is_about(it)).collect();
             let mut of_waiver = names.iter().filter(|name| waiver.names(name));
             let not_all = selected && of_waiver.any(|name| !in_run.contains(name));
-            if !known || waiver.sometimes || ran.is_empty() || not_all {
+            if !known || waiver.is_of_chance() || ran.is_empty() || not_all {
                 continue;
             }
             let causes = waiver.causes(*place);
@@ -247,6 +270,11 @@ impl WaiverEntry {
         self.expires.as_ref().is_some_and(|date| date.value.as_str() < today)
     }
 
+    /// Whether what it waives need not occur in each run.
+    fn is_of_chance(&self) -> bool {
+        self.sometimes || self.verdict == Some(WaivedVerdict::Flaky)
+    }
+
     fn concerns(&self, device: &str) -> bool {
         self.device.as_ref().is_none_or(|glob| WildMatch::new(glob).matches(device))
     }
@@ -257,7 +285,8 @@ impl WaiverEntry {
 
     fn covers(&self, name: &str, verdict: Verdict, cause: &Cause) -> bool {
         let wanted = |wanted: WaivedVerdict| match wanted {
-            WaivedVerdict::Fail => verdict == Verdict::Fail,
+            WaivedVerdict::Fail => matches!(verdict, Verdict::Fail | Verdict::Flaky),
+            WaivedVerdict::Flaky => verdict == Verdict::Flaky,
             WaivedVerdict::Error => verdict == Verdict::Error,
             WaivedVerdict::Lenient => verdict == Verdict::Lenient,
         };
@@ -300,6 +329,65 @@ impl WaiverEntry {
         let is_it = |cause: &&Cause| of.is_none_or(|entry| entry.is(cause));
         case.cause.as_deref().filter(is_it).is_some_and(covers)
     }
+}
+
+impl WaiverEntry {
+    /// The cases of a run that it names.
+    fn named_in<'r>(&self, run: &'r Run) -> Vec<&'r CaseRun> {
+        let cases = run.cases().filter(|(device, _)| self.concerns(&device.info.device));
+        cases.map(|(_, case)| case).filter(|case| self.names(&case.info.name())).collect()
+    }
+
+    /// What runs say of it. What they do not decide may be where it is needed.
+    fn need(&self, runs: &[Run]) -> Need {
+        if runs.iter().flat_map(|run| self.named_in(run)).any(|case| self.occurs_in(case, None)) {
+            return Need::Needed;
+        }
+        let undecided = |why: &str| Need::Undecided(why.to_owned());
+        if self.is_of_chance() {
+            return undecided("it need not occur in each run");
+        }
+        if self.cases.0.iter().any(|glob| is_of_campaign(&glob.value)) {
+            return undecided("it is about a campaign of fuzzing");
+        }
+        // One run that shows it is enough.
+        let decided = |run: &&Run| {
+            let cases = self.named_in(run);
+            cases.iter().any(|case| self.is_about(case))
+                && cases.iter().all(|case| is_decided(&case.outcome))
+                && (is_whole(run) || self.cases.0.iter().all(|glob| is_one_of(&glob.value, &cases)))
+        };
+        match runs.iter().any(|run| decided(&run)) {
+            true => Need::Needless("what it waives does not occur any more".to_owned()),
+            false => undecided("not all of its cases ran and have a verdict"),
+        }
+    }
+}
+
+/// Whether all cases were to run, and the run came to its end.
+fn is_whole(run: &Run) -> bool {
+    let chosen = run.started.as_ref().is_none_or(|it| it.selected || it.shard.is_some());
+    let ended = run.ended.as_ref().is_some_and(|ended| ended.reason.is_none());
+    ended && !chosen
+}
+
+/// Whether it is the full name of one of these, so that it names no other.
+fn is_one_of(name: &str, cases: &[&CaseRun]) -> bool {
+    cases.iter().any(|case| case.info.name() == name)
+}
+
+/// Whether a case said what it can say about the device.
+fn is_decided(outcome: &Outcome) -> bool {
+    match outcome {
+        Outcome::Waived { outcome, .. } => is_decided(outcome),
+        Outcome::Pass | Outcome::Lenient(_) | Outcome::Fail(_) | Outcome::Flaky { .. } => true,
+        Outcome::Skip(reason) => !reason.starts_with("not run"),
+        Outcome::Blocked(_) | Outcome::Error { .. } | Outcome::Undecided(_) => false,
+    }
+}
+
+fn is_of_campaign(glob: &str) -> bool {
+    glob.split('/').next() == Some(CAMPAIGN)
 }
 
 impl CauseEntry {

@@ -195,7 +195,7 @@ pub(super) fn for_each_event(
     Ok(())
 }
 
-/// The names of the cases that made the run of a journal red.
+/// The names of the cases that made the run of a journal red, or were FLAKY in it.
 fn last_failed(path: &Path) -> Result<BTreeSet<String>, Refused> {
     let name = path.display();
     let run = recorded(path)?;
@@ -206,7 +206,8 @@ fn last_failed(path: &Path) -> Result<BTreeSet<String>, Refused> {
         );
         return Err(Refused { exit: Exit::NothingRan, message });
     }
-    let red = run.cases().filter(|(_, case)| run.is_red(case.verdict()));
+    let failed = |verdict| run.is_red(verdict) || verdict == Verdict::Flaky;
+    let red = run.cases().filter(|(_, case)| failed(case.verdict()));
     let names: BTreeSet<String> = red.map(|(_, case)| case.info.name()).collect();
     match names.is_empty() {
         false => Ok(names),
@@ -274,6 +275,7 @@ impl Sessions<'_> {
                 patience: args.patience.unwrap_or(1),
                 seed: args.seed.unwrap_or(1),
                 every_index: args.every_index,
+                repeat: args.repeat,
                 every_step: args.journal.is_some() || args.verbose,
                 ..Policy::at_bit_rate(target.dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE))
             },
@@ -380,7 +382,7 @@ fn after(ending: &Ending, target: &Target) -> Ended {
 fn of_verdicts(reporter: &Reporter) -> Exit {
     let run = reporter.run();
     let counts = run.counts();
-    if counts.of(Verdict::Fail) > 0 {
+    if counts.of(Verdict::Fail) > 0 || counts.of(Verdict::Flaky) > 0 && run.is_red(Verdict::Flaky) {
         return Exit::Failed;
     }
     if counts.of(Verdict::Error) > 0 {

@@ -22,6 +22,8 @@ pub(crate) fn started(args: &RunArgs, on_real_bus: bool) -> RunStarted {
         grade: args.grade.unwrap_or(GradeName::Lenient).into(),
         began: on_real_bus.then(unix_time),
         shard: args.shard.map(|shard| reports::Shard { place: shard.place + 1, of: shard.of }),
+        selected: !args.selection.patterns.is_empty() || args.last_failed.is_some(),
+        repeat: (args.repeat > 1).then_some(args.repeat),
         tool_checks: Vec::new(),
     }
 }

@@ -26,7 +26,8 @@ pub fn details(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
         Outcome::Skip(reason) => block.field("skipped", reason),
         Outcome::Blocked(reason) => block.field("blocked", reason),
         Outcome::Waived { waiver, .. } => block.field("waived", &waiver.to_string()),
-        Outcome::Pass | Outcome::Lenient(_) | Outcome::Fail(_) => {}
+        // A note says of it how often it failed.
+        Outcome::Pass | Outcome::Lenient(_) | Outcome::Flaky { .. } | Outcome::Fail(_) => {}
     }
     if let Some(problem) = problem {
         block.step(case, problem);

@@ -33,7 +33,7 @@ pub fn summary(run: &Run, style: Style, verbosity: Verbosity) -> String {
         let _ = writeln!(text, "stopped: {}\n", one_line(reason));
     }
     grouped(run, &mut text);
-    undecided(run, &mut text);
+    again(run, &mut text);
     let counts = run.counts();
     let _ = match run.worst() {
         Some(worst) => writeln!(text, "{}", style.verdict(worst, counts)),
@@ -97,10 +97,9 @@ fn characteristics(run: &Run, style: Style, text: &mut String) {
     }
 }
 
-/// The verdicts that have a column: BLOCKED and XFAIL when there are any.
+/// The verdicts that have a column: BLOCKED, XFAIL and FLAKY when there are any.
 fn columns(counts: Counts) -> Vec<Verdict> {
-    let rare = |verdict: &Verdict| matches!(verdict, Verdict::Blocked | Verdict::Waived);
-    let shown = |verdict: &Verdict| !rare(verdict) || counts.of(*verdict) > 0;
+    let shown = |verdict: &Verdict| !verdict.is_rare() || counts.of(*verdict) > 0;
     Verdict::ALL.into_iter().filter(shown).collect()
 }
 
@@ -277,18 +276,31 @@ fn grouped(run: &Run, text: &mut String) {
     }
 }
 
-/// The commands that run again what is undecided, one for each device.
-fn undecided(run: &Run, text: &mut String) {
+/// The commands that run again what is undecided, and often what is flaky, for each device.
+fn again(run: &Run, text: &mut String) {
     for device in &run.devices {
-        let cases = device.cases().filter(|case| matches!(case.outcome, Outcome::Undecided(_)));
-        let names: Vec<String> =
-            cases.map(|case| shell_word(&case.info.name()).into_owned()).collect();
-        if !names.is_empty() {
-            let again = format!("{} {}", device.info.rerun, names.join(" "));
+        let names = |is_it: fn(&Outcome) -> bool| {
+            let cases = device.cases().filter(|case| is_it(&case.outcome));
+            let names = cases.map(|case| shell_word(&case.info.name()).into_owned());
+            names.collect::<Vec<String>>().join(" ")
+        };
+        let undecided = names(|outcome| matches!(outcome, Outcome::Undecided(_)));
+        let flaky = names(|outcome| matches!(outcome, Outcome::Flaky { .. }));
+        let rerun = &device.info.rerun;
+        if !undecided.is_empty() {
+            let again = format!("{rerun} {undecided}");
             let _ = writeln!(text, "undecided, run again: {}", one_line(&again));
+        }
+        if !flaky.is_empty() && !run.is_repeated() {
+            let again = format!("{rerun} --repeat {OFTEN} {flaky}");
+            let _ = writeln!(text, "flaky, look closer: {}", one_line(&again));
         }
     }
 }
+
+/// How often a case is repeated to see whether it is flaky. One that fails once in five times passes
+/// each time in 1 of 90.
+const OFTEN: u32 = 20;
 
 /// Cases that did not pass and share one line.
 struct Row<'r> {
@@ -382,9 +394,11 @@ fn neighbours(run: &Run, row: &Row) -> Option<String> {
         match case.verdict() {
             Verdict::Pass => passed.push(label(case)?),
             Verdict::Skip | Verdict::Blocked => {}
-            Verdict::Lenient | Verdict::Waived | Verdict::Fail | Verdict::Error => {
-                others.push(label(case)?);
-            }
+            Verdict::Lenient
+            | Verdict::Waived
+            | Verdict::Flaky
+            | Verdict::Fail
+            | Verdict::Error => others.push(label(case)?),
         }
     }
     let (count, all) = (others.len(), passed.len() + others.len());

@@ -31,6 +31,8 @@ pub struct Policy {
     pub patience: u32,
     /// The seed for choosing a sample of many.
     pub seed: u64,
+    /// How often each case runs, at least once.
+    pub repeat: u32,
     /// Whether every index is asked for where otherwise a sample is.
     pub every_index: bool,
     /// Whether steps are reported as they begin; otherwise those of a case that does not pass.
@@ -62,6 +64,7 @@ impl Policy {
             slow_wire: bus_slack.saturating_sub(frame(FAST)) * IN_FRONT,
             patience: 1,
             seed: 1,
+            repeat: 1,
             every_index: false,
             every_step: false,
         }

@@ -10,6 +10,7 @@ mod of_itself;
 mod outcome;
 mod phases;
 mod reliance;
+mod repeats;
 mod starts;
 mod turns;
 
@@ -364,7 +365,7 @@ impl Session<'_> {
                 link.emit(ended(link, &started, outcome));
                 continue;
             }
-            let finished = attempts::run(link, common, instance, left);
+            let finished = self.repeated(link, common, instance, left);
             let aftermath = finished.aftermath.clone();
             let outcome = self.report(link, &mut reliance, instance, &started, finished);
             failed += usize::from(matches!(outcome, Outcome::Fail(_)));

@@ -13,7 +13,7 @@ use canopen::catalogue::Catalogue;
 use canopen::{Bus, BusError, Frame, Instant, Stamped, VirtualBus, eds};
 use reference_devices::rules::Rules;
 use reference_devices::{devices, mutant};
-use reports::{Event, Outcome, Verdict};
+use reports::{Event, Note, Outcome, Repeated, Verdict};
 
 use super::{Ending, Policy, Session, Undo, Unobserved};
 use crate::dut::Dut;
@@ -272,7 +272,9 @@ fn run_library(bus: &mut Odd, dut: &Dut, library: &Library, stop: &Stop, undo: &
     let ending = session.run(bus, &mut |event| match event {
         Event::DeviceStarted(device) => remark = device.remark.unwrap_or_default(),
         Event::CaseEnded(end) => outcomes.push(end.outcome),
-        Event::Note(note) | Event::CaseRepeated(note) => notes.push(note.text),
+        Event::Note(Note { text, .. }) | Event::CaseRepeated(Repeated { text, .. }) => {
+            notes.push(text)
+        }
         _ => {}
     });
     Ran { ending, outcomes, notes, remark, took: bus.now().since(Instant::ZERO) }

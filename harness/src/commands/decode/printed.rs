@@ -9,7 +9,7 @@ use canopen::decoder::PdoLayout;
 use canopen::eds::Eds;
 use canopen::{Decoder, Frame, Instant};
 use reference_devices::devices;
-use reports::{Begun, CaseStarted, DeviceStarted, Event, ObjectNames, Stimulus};
+use reports::{Begun, CaseStarted, DeviceStarted, Event, Note, ObjectNames, Repeated, Stimulus};
 use runner::dut::Sheet;
 use runner::plan::is_named;
 
@@ -121,8 +121,8 @@ impl<'a> Printed<'a> {
                 }
                 self.say(&format!("\n{}\n", heading(case)));
             }
-            Event::Note(note) | Event::CaseRepeated(note) => {
-                self.say(&format!("{:>STAMP$}  --  {}\n", note.at.to_string(), note.text));
+            Event::Note(Note { at, text }) | Event::CaseRepeated(Repeated { at, text, .. }) => {
+                self.say(&format!("{:>STAMP$}  --  {}\n", at.to_string(), text));
             }
             Event::Step(Begun { at, text, .. }) => {
                 let text = self.names.in_text(text);

@@ -49,7 +49,7 @@ struct Failures {
     at: String,
     /// How many frames the tester had sent in the last of them.
     sent: usize,
-    first: Option<Outcome>,
+    last: Option<Box<Problem>>,
     /// In how many of them the device sent something wrong, which the wire does not explain.
     wrong: u32,
 }
@@ -135,21 +135,22 @@ impl Failures {
             );
             return Follows::Outcome(Outcome::Undecided(why));
         }
-        self.first.get_or_insert(outcome);
+        if let Outcome::Fail(problem) = outcome {
+            self.last = Some(problem);
+        }
         Follows::Again
     }
 
-    /// A case that passes at last has not proved that the device is in order: a report shows that.
+    /// A case that passes at last has not proved that the device is in order: it is FLAKY.
     fn beside_failures(&mut self, outcome: Outcome) -> Outcome {
-        match (outcome, self.first.take()) {
-            (Outcome::Pass, Some(Outcome::Fail(mut problem))) => {
+        match (outcome, self.last.take()) {
+            (Outcome::Pass | Outcome::Lenient(_), Some(mut problem)) => {
+                let (failed, of) = (self.count, self.count + 1);
                 problem.notes.push(format!(
-                    "it failed in {} of {} attempts, and then passed: a frame was lost or came \
-                     twice, the machine was busy, or the device fails now and then",
-                    self.count,
-                    self.count + 1
+                    "it failed in {failed} of {of} attempts, and then passed: a frame was lost or \
+                     came twice, the machine was busy, or the device fails now and then",
                 ));
-                Outcome::Lenient(problem)
+                Outcome::Flaky { problem, failed, of }
             }
             (outcome, _) => outcome,
         }
@@ -203,6 +204,7 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
             run.repeat(
                 "an emergency of an earlier case came: the case is repeated after a reset"
                     .to_owned(),
+                false,
             );
             continue;
         }
@@ -225,7 +227,7 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
                         true => "it failed, and a frame may have been lost or have come twice",
                         false => "it failed, and the machine may have been too busy for the device",
                     };
-                    run.repeat(format!("{why}: the case is repeated after a reset"));
+                    run.repeat(format!("{why}: the case is repeated after a reset"), true);
                     continue;
                 }
             },
@@ -239,7 +241,7 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
             return finished(undecided(reason, &outcome), aftermath);
         }
         (left, failed) = (how, failed || doubtful);
-        run.repeat(format!("{why}: the case is repeated"));
+        run.repeat(format!("{why}: the case is repeated"), false);
         if let Err(error) = run.link.calm() {
             let (outcome, aftermath) = run.bus_failed(error);
             return finished(outcome, aftermath);

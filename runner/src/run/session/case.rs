@@ -5,7 +5,7 @@ use std::time::Duration;
 use canopen::emcy::EmcyCode;
 use canopen::nmt::{self, Command, Service};
 use canopen::{BusError, Mux};
-use reports::{Event, Note, Outcome, Phase};
+use reports::{Event, Note, Outcome, Phase, Repeated};
 
 use super::attempts::Repeats;
 use super::outcome::{CaseOutcome, error};
@@ -389,9 +389,10 @@ impl<'r, 'b> CaseRun<'r, 'b> {
     }
 
     /// Says why the case begins anew.
-    pub(super) fn repeat(&mut self, text: String) {
+    /// Begins anew, after an attempt that `failed` or that says nothing.
+    pub(super) fn repeat(&mut self, text: String, failed: bool) {
         let at = self.link.mark();
-        self.link.emit(Event::CaseRepeated(Note { at, text }));
+        self.link.emit(Event::CaseRepeated(Repeated { at, text, failed }));
     }
 
     pub(super) fn bus_failed(&self, failure: BusError) -> (Outcome, Aftermath) {

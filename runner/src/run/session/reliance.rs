@@ -87,7 +87,9 @@ impl<'p> Reliance<'p> {
     /// is excused by a requirement that is kept in another way than the setup expects; without such
     /// a witness nothing else shows what is wrong.
     pub(super) fn judged(&self, instance: &Instance, outcome: Outcome) -> Outcome {
-        if let Outcome::Fail(problem) | Outcome::Error { problem: Some(problem), .. } = &outcome
+        if let Outcome::Fail(problem)
+        | Outcome::Flaky { problem, .. }
+        | Outcome::Error { problem: Some(problem), .. } = &outcome
             && let Some(id) = instance.relies_on().find(|id| self.is_undecided(id))
         {
             return Outcome::Undecided(format!(
