@@ -1,4 +1,6 @@
-//! `harness waive`: a first file of waivers, by broken fact.
+//! `harness waive`: a first file of waivers, by broken fact, and one that is pruned.
+
+mod prune;
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
@@ -11,16 +13,21 @@ use reports::{Cause, Outcome, Run, Verdict, facts};
 
 use super::counted::counted;
 use super::run::recorded;
+use crate::bus::unix_time;
 use crate::cli::WaiveArgs;
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
 
-/// Writes a waiver for each fact that makes a run of these journals red.
+/// Writes a waiver for each fact that makes a run of these journals red, or prunes a file of them.
 ///
 /// # Errors
 /// When a journal cannot be read, or the file cannot be written.
 pub(super) fn run(args: &WaiveArgs) -> Result<Exit, Refused> {
     let runs: Vec<Run> = args.journals.iter().map(|path| folded(path)).collect::<Result<_, _>>()?;
+    if let Some(file) = &args.prune {
+        let today = args.today.clone().unwrap_or_else(|| reports::date(unix_time()));
+        return prune::prune(file, runs, &today);
+    }
     let text = waivers(&runs, args);
     let cases = runs.iter().flat_map(Run::cases);
     let undecided = cases.filter(|(_, case)| matches!(case.outcome, Outcome::Undecided(_)));
