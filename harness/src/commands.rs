@@ -9,6 +9,7 @@ mod counted;
 mod decode;
 mod dry_run;
 mod eds;
+mod estimate;
 mod explain;
 mod fuzz;
 mod init;

@@ -8,7 +8,7 @@
 macro_rules! complain {
     ($($text:tt)*) => {{
         use std::io::Write as _;
-        _ = writeln!(std::io::stderr(), $($text)*);
+        crate::progress::beside(|| _ = writeln!(std::io::stderr(), $($text)*));
     }};
 }
 
@@ -24,6 +24,7 @@ pub mod exit;
 mod files;
 pub mod folders;
 mod hook;
+mod progress;
 mod reporter;
 pub mod rig;
 mod signals;

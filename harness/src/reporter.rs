@@ -5,26 +5,26 @@
 mod journal;
 mod output;
 mod recording;
+mod remaining;
 mod unfinished;
 
-use std::io::{ErrorKind, IsTerminal, Write};
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use reports::terminal::{Printer, Verbosity};
 use reports::{Event, Format, Keep, Run, Style, github, printable};
 
 use crate::cli::{ReportArgs, RunArgs};
 use crate::exit::{Exit, Refused};
 use crate::files::words;
+use crate::progress::{self, Progress};
 
 use journal::JournalFile;
-use recording::RecordingFile;
-use unfinished::is_on_real_bus;
-
 pub(crate) use output::Output;
-pub(crate) use unfinished::started;
+use recording::RecordingFile;
+pub(crate) use remaining::{Remaining, roughly};
+pub(crate) use unfinished::{is_on_real_bus, started};
 
 /// Tells of a run while it runs, and writes its reports at the end.
 pub(crate) struct Reporter {
@@ -33,7 +33,11 @@ pub(crate) struct Reporter {
     annotate: bool,
     /// Cases and summary are printed.
     prints: bool,
-    bar: ProgressBar,
+    line: Progress,
+    /// How many cases have ended, and how many there are.
+    cases: (usize, usize),
+    /// The time that the cases to come will take, where that is known.
+    remaining: Option<Remaining>,
     journal: Option<JournalFile>,
     /// The recordings, as far as they go.
     recordings: Vec<RecordingFile>,
@@ -50,21 +54,14 @@ impl Reporter {
     /// # Errors
     /// When a file cannot be written, or two are one.
     pub(crate) fn new(args: &RunArgs) -> Result<Self, Refused> {
-        let on_terminal = std::io::stderr().is_terminal();
         let color = args.color.colours();
-        let bar = ProgressBar::new(0);
         let verbosity = match (args.quiet, args.verbose) {
             (true, _) => Verbosity::Quiet,
             (false, true) => Verbosity::Verbose,
             (false, false) => Verbosity::Normal,
         };
-        let show_bar = on_terminal && !args.no_progress && !args.verbose;
-        bar.set_draw_target(match show_bar {
-            true => ProgressDrawTarget::stderr(),
-            false => ProgressDrawTarget::hidden(),
-        });
-        if let Ok(style) = ProgressStyle::with_template("{bar:32} {pos}/{len} {wide_msg}") {
-            bar.set_style(style);
+        if args.no_progress || args.verbose {
+            progress::is_unwanted();
         }
         let (journal, recordings, reports) = open(args)?;
         let run = Run::new(Keep::Unusual);
@@ -74,7 +71,9 @@ impl Reporter {
             printer: Printer::new(Style { color }, verbosity),
             annotate: std::env::var_os("GITHUB_ACTIONS").is_some(),
             prints: true,
-            bar,
+            line: Progress::of(0),
+            cases: (0, 0),
+            remaining: None,
             journal,
             recordings,
             reports,
@@ -82,26 +81,23 @@ impl Reporter {
         })
     }
 
-    /// The same for a command that prints what it found in words of its own. How far it came is a
-    /// sentence.
+    /// The same for a command that prints what it found in words of its own, and says how far it
+    /// came.
     #[must_use]
-    pub(crate) fn without_text(mut self) -> Self {
-        if let Ok(style) = ProgressStyle::with_template("{wide_msg}") {
-            self.bar.set_style(style);
-        }
-        self.prints = false;
-        self
+    pub(crate) fn without_text(self) -> Self {
+        Self { prints: false, ..self }
     }
 
-    /// How far it came.
-    pub(crate) fn progress(&self, said: String) {
-        self.bar.set_message(said);
-        self.bar.tick();
+    /// How many parts of so many are done.
+    pub(crate) fn progress(&self, done: usize, of: usize, said: impl FnOnce() -> String) {
+        self.line.expect(of);
+        self.line.says(done, said);
     }
 
-    /// The number of cases to come.
-    pub(crate) fn expect(&self, cases: usize) {
-        self.bar.set_length(cases as u64);
+    /// The number of cases to come, and the time that they take.
+    pub(crate) fn expect(&mut self, cases: usize, remaining: Option<Remaining>) {
+        self.line.expect(cases);
+        (self.cases, self.remaining) = ((0, cases), remaining);
     }
 
     /// Takes an event.
@@ -110,11 +106,19 @@ impl Reporter {
         // The order of events is the runner's business; out of order is a bug.
         self.run.apply(event).unwrap_or_else(|error| panic!("{error}"));
         match event {
-            // There are thousands of cases a second, and a name takes time to write.
-            Event::CaseStarted(case) if self.prints && !self.bar.is_hidden() => {
-                self.bar.set_message(case.name());
+            Event::CaseStarted(case) if self.prints => {
+                let (done, of) = self.cases;
+                let left = self.remaining.as_mut().and_then(|it| it.begins(case));
+                // There are thousands of cases a second, and a name takes time to write.
+                self.line.says(done, || {
+                    let left = left.map(|left| format!(", {} left", roughly(left)));
+                    format!("{done} of {of}{}  {}", left.unwrap_or_default(), case.name())
+                });
             }
-            Event::CaseEnded(_) => self.case_ended(),
+            Event::CaseEnded(end) => {
+                self.remaining.iter_mut().for_each(|it| it.ends(end.at));
+                self.case_ended();
+            }
             _ => {}
         }
     }
@@ -129,7 +133,7 @@ impl Reporter {
 
     /// Writes the reports that are due at the end, and prints the closing messages.
     pub(crate) fn finish(&mut self) -> Exit {
-        self.bar.finish_and_clear();
+        self.line.end();
         if self.prints {
             print(&self.printer.summary(&self.run));
         }
@@ -162,7 +166,7 @@ impl Reporter {
     }
 
     fn not_written(&mut self, failure: &str) {
-        self.bar.suspend(|| complain!("error: {failure}"));
+        complain!("error: {failure}");
         self.unwritten = true;
     }
 
@@ -177,7 +181,7 @@ impl Reporter {
     }
 
     fn case_ended(&mut self) {
-        self.bar.inc(1);
+        self.cases.0 += 1;
         let Some((device, case)) = self.run.latest() else { return };
         let mut text = match self.prints {
             true => self.printer.case(&self.run, device, case),
@@ -188,7 +192,7 @@ impl Reporter {
             text.extend(github::annotation(&self.run, device, case, is_there));
         }
         if !text.is_empty() {
-            self.bar.suspend(|| print(&text));
+            print(&text);
         }
     }
 }
@@ -315,8 +319,10 @@ pub(crate) fn harmless(text: &str) -> String {
 /// Prints to standard output. A reader that went away (`| head`) does not stop the run, whose
 /// reports are still to be written, and is no failure.
 fn print(text: &str) {
-    let mut stdout = std::io::stdout().lock();
-    let written = stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush());
+    let written = progress::beside(|| {
+        let mut stdout = std::io::stdout().lock();
+        stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush())
+    });
     let failed = written.err().filter(|error| error.kind() != ErrorKind::BrokenPipe);
     if let Some(error) = failed.filter(|_| !UNSAID.swap(true, Ordering::SeqCst)) {
         complain!("error: standard output: {}", words(&error));

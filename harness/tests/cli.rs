@@ -15,6 +15,7 @@
 mod common;
 
 use std::fs;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::Mutex;
@@ -366,6 +367,27 @@ fn standard_output_that_takes_nothing_is_an_error_unless_its_reader_went_away() 
     drop(reader);
     let output = demo("run/green").stdout(writer).output().unwrap();
     assert_eq!((output.status.code(), beside_note(&output.stderr)), (Some(0), ""));
+}
+
+/// Where it is no terminal there is none: the folders of `cli/` would show it.
+#[test]
+fn long_work_has_a_line_on_a_terminal() {
+    for arguments in
+        [&["scan", "--target", "sim:generic"][..], &["cia301/nmt", "--target", "sim:drr460"]]
+    {
+        let pty = nix::pty::openpty(None, None).unwrap();
+        let mut command = harness();
+        command.args(arguments).env("TERM", "xterm").stdout(Stdio::null());
+        let mut child = command.stderr(pty.slave).spawn().unwrap();
+        // With the command its copy of the terminal goes, so that reading ends.
+        drop(command);
+        let mut shown = Vec::new();
+        // The end of a terminal is an error.
+        _ = fs::File::from(pty.master).read_to_end(&mut shown);
+        assert!(child.wait().unwrap().success());
+        let shown = String::from_utf8_lossy(&shown).into_owned();
+        assert!(shown.contains(" %  "), "{arguments:?}: {shown}");
+    }
 }
 
 #[test]

@@ -12,6 +12,7 @@ use runner::stop::Stop;
 use runner::suite::Library;
 
 use super::counted::counted;
+use super::estimate;
 use super::planned::plan_for;
 use super::select::{known_device, select};
 use crate::cli::RunArgs;
@@ -31,6 +32,11 @@ pub(super) fn run(args: &RunArgs, stop: &Stop) -> Result<Exit, Refused> {
     select(&mut plans, &args.selection)?;
     let texts: Vec<String> = plans.iter().map(|plan| report(plan, args.verbose)).collect();
     say(&texts.join("\n"));
+    // In virtual time a run is over in a moment.
+    if let ([plan], true) = (plans.as_slice(), args.selection.eds.is_some()) {
+        let takes = estimate::of_plan(args, &estimate::earlier(args), &library, plan, stop);
+        takes.iter().for_each(|(_, said)| say(&format!("\n{said}\n")));
+    }
     if args.selection.bench.is_some() && plans.iter().any(|plan| !plan.dut.own_bench) {
         say("the bench is not asked: cases about its names count as skipped\n");
     }

@@ -182,7 +182,10 @@ fn play(
             found.iter().for_each(|finding| record.finds(finding));
             findings.extend(found);
             done += 1;
-            record.progress(line(campaign.tally(), findings.len(), &clock));
+            let (part, of) = clock.part().unwrap_or((done, most));
+            record.progress(part as usize, of as usize, || {
+                line(campaign.tally(), findings.len(), &clock)
+            });
             // Only now, since a session that was played counts.
             if clock.is_over() || findings.len() >= args.max_findings {
                 return (findings, None);
@@ -217,7 +220,7 @@ fn played(
 }
 
 fn line(tally: &Tally, findings: usize, clock: &Clock) -> String {
-    let seconds = clock.seconds().max(0.001);
+    let seconds = clock.seconds().max(1.0);
     format!(
         "{}, {:.0} actions/s, {}, {}",
         counted(tally.sessions as usize, "session"),

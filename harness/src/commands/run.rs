@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::mem::ManuallyDrop;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use canopen::{BusError, Instant};
 use reports::{Event, Identity, Keep, Note, Run, RunEnded, RunStarted, Verdict, journal};
@@ -15,13 +16,15 @@ use runner::suite::{Library, Register};
 use runner::waivers::Waivers;
 
 use super::dry_run;
+use super::estimate::{self, Earlier};
 use super::planned::Planned;
 use super::select::select;
 use crate::bus::unix_time;
 use crate::cli::RunArgs;
 use crate::exit::{Exit, Refused};
 use crate::files::{LARGEST_JOURNAL, Lines, read_source, words};
-use crate::reporter::{Reporter, harmless, started};
+use crate::progress::Progress;
+use crate::reporter::{Reporter, harmless, is_on_real_bus, started};
 use crate::target::{Connection, DEFAULT_BIT_RATE, Selection, Target};
 use crate::undo_log::{self, Changes, UndoLog};
 
@@ -37,6 +40,7 @@ pub(super) fn run(args: &RunArgs, stop: &Stop) -> Result<Exit, Refused> {
     let args = with_file.as_ref().unwrap_or(args);
     // Before the journal of this run, which may be the same file.
     let last_failed = args.last_failed.as_deref().map(last_failed).transpose()?;
+    let earlier = if is_on_real_bus(args) { estimate::earlier(args) } else { Earlier::new() };
     let mut reporter = Reporter::new(args)?;
     // The children of the bench end with it.
     let held = args.selection.bench.as_ref().map(|_| stop.hold());
@@ -59,7 +63,7 @@ pub(super) fn run(args: &RunArgs, stop: &Stop) -> Result<Exit, Refused> {
         }
     };
     let _held = (stop.hold(), held);
-    let exit = prepared.run(args, stop, &mut reporter);
+    let exit = prepared.run(args, &earlier, stop, &mut reporter);
     forget(reporter.into_run());
     Ok(exit)
 }
@@ -123,10 +127,23 @@ impl Prepared {
         Ok(Self { library, waivers, targets, plans, names, selected })
     }
 
-    fn run(self, args: &RunArgs, stop: &Stop, reporter: &mut Reporter) -> Exit {
+    fn run(self, args: &RunArgs, earlier: &Earlier, stop: &Stop, reporter: &mut Reporter) -> Exit {
         let Self { library, waivers, targets, plans, names, selected } = self;
-        reporter.expect(plans.iter().map(|plan| plan.instances.len()).sum());
         let real = targets.iter().any(|target| !target.is_simulation());
+        let takes = match plans.as_slice() {
+            [plan] if is_on_real_bus(args) => {
+                estimate::of_plan(args, earlier, &library, plan, stop)
+            }
+            _ => None,
+        };
+        let remaining = takes.map(|(remaining, said)| {
+            // What is over in a moment needs no word.
+            if remaining.left() >= WORTH_A_WORD && !args.quiet {
+                complain!("note: {}", harmless(&said));
+            }
+            remaining
+        });
+        reporter.expect(plans.iter().map(|plan| plan.instances.len()).sum(), remaining);
         let tool_checks = library.tool_checks();
         reporter.tell(&Event::RunStarted(RunStarted { tool_checks, ..started(args, real) }));
         let sessions =
@@ -154,6 +171,9 @@ impl Prepared {
         worst.max(finished)
     }
 }
+
+/// From which time on a run says beforehand how long it takes.
+const WORTH_A_WORD: Duration = Duration::from_secs(20);
 
 /// The process ends next, and gives all memory back at once: to free hundreds of thousands of parts
 /// one by one takes a twentieth of a run.
@@ -185,8 +205,14 @@ pub(super) fn for_each_event(
         Refused { exit: Exit::File, message }
     };
     let lines = Lines::open(path, LARGEST_JOURNAL).map_err(|error| refused(words(&error)))?;
+    let size = std::fs::metadata(path).map_or(0, |known| known.len());
+    let (progress, mut read) = (Progress::of(size as usize), 0);
     for (place, line) in lines.enumerate() {
         let line = line.map_err(|error| refused(words(&error)))?;
+        read += line.len();
+        if place % 10_000 == 0 {
+            progress.says(read, || format!("reads {}", path.display()));
+        }
         if let Some(event) = journal::event(&line, place + 1) {
             let event = event.map_err(|why| refused(why.to_string()))?;
             take(place + 1, event).map_err(refused)?;
@@ -404,5 +430,7 @@ fn rerun(args: &RunArgs, target: &Target) -> String {
     }
     let patience = args.patience.map(|factor| format!(" --patience {factor}"));
     let patience = patience.unwrap_or_default();
-    format!("harness {}{patience}{}", target.options, args.selection.folders.options())
+    let repeat = (args.repeat > 1).then(|| format!(" --repeat {}", args.repeat));
+    let repeat = repeat.unwrap_or_default();
+    format!("harness {}{patience}{repeat}{}", target.options, args.selection.folders.options())
 }

@@ -1,5 +1,7 @@
 //! A data sheet for a device that comes without one, composed from the device's answers.
 
+use std::ops::RangeInclusive;
+
 use canopen::catalogue::{Catalogue, Profile};
 use canopen::eds::{self, DeviceInfo, Eds, FileInfo};
 use canopen::{Bus, BusError, Mux};
@@ -8,6 +10,7 @@ use runner::run::{Link, Lost, Policy, probe};
 
 use super::scan::Found;
 use crate::exit::{Exit, Refused};
+use crate::progress::{Followed, Progress};
 
 /// The sheet and what it says. `bit_rate` is that of the bus, in bit/s.
 ///
@@ -22,7 +25,18 @@ pub fn compose(
     let profiles = profiles_of(found, catalogue);
     let constants = profiles.iter().filter_map(|profile| Some(profile.recognised?.object));
     let constants: Vec<Mux> = constants.collect();
-    let mut link = Link::new(bus);
+    let described = profiles.iter().flat_map(|profile| profile.objects());
+    let mut ranges: Vec<RangeInclusive<u16>> = described
+        .filter(|(_, object)| object.is_described())
+        .map(|(indices, _)| indices.clone())
+        .collect();
+    ranges.sort_by_key(|range| *range.start());
+    let line = Progress::of(ranges.len());
+    let mut bus = Followed::new(bus, |_, mux| {
+        let done = ranges.partition_point(|range| *range.end() < mux.index);
+        line.says(done, || format!("asked for {mux}"));
+    });
+    let mut link = Link::new(&mut bus);
     let policy = Policy::at_bit_rate(bit_rate);
     let objects = probe(&mut link, &policy, found.node, &profiles, &constants);
     let objects = objects.map_err(|lost| match lost {

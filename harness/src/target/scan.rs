@@ -16,6 +16,7 @@ use runner::run::{Link, Policy, exists, identity, oddities, read_number, read_te
 
 use crate::bus::Interface;
 use crate::exit::{Exit, Refused};
+use crate::progress::{Followed, Progress};
 
 /// A profile of the catalogue, and the version that a device has of it.
 type Recognised = (Arc<Profile>, Option<String>);
@@ -76,8 +77,14 @@ pub fn scan(
         }
         error => Refused::bus(error.to_string()),
     };
-    let mut link = Link::new(bus);
     let asked = node.map_or(1..=127, |node| node..=node);
+    let (line, mut round) = (Progress::of(rounds), 0);
+    let first = *asked.start();
+    let mut bus = Followed::new(bus, |node, mux| {
+        round += usize::from((node, mux) == (first, DEVICE_TYPE));
+        line.says(round.min(rounds), || format!("round {round} of {rounds}, node {node}: {mux}"));
+    });
+    let mut link = Link::new(&mut bus);
     let nodes = nodes(&mut link, asked, rounds).map_err(bus_failed)?;
     let mut found = Vec::new();
     for node in nodes {

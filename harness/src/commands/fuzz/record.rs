@@ -61,8 +61,8 @@ impl<'r> Record<'r> {
     }
 
     /// How far it came.
-    pub(super) fn progress(&self, said: String) {
-        self.reporter.progress(said);
+    pub(super) fn progress(&self, done: usize, of: usize, said: impl FnOnce() -> String) {
+        self.reporter.progress(done, of, said);
     }
 
     /// Something was wrong in a session. Its causes are known at the end only.

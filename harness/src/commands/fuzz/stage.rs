@@ -158,6 +158,11 @@ impl Clock {
         unix_time().saturating_sub(self.began) as f64
     }
 
+    /// How many seconds have gone by, and how many there are, where they are limited.
+    pub(super) fn part(&self) -> Option<(u64, u64)> {
+        Some((unix_time().saturating_sub(self.began), self.seconds?))
+    }
+
     pub(super) fn is_over(&self) -> bool {
         self.seconds.is_some_and(|most| unix_time().saturating_sub(self.began) >= most)
     }

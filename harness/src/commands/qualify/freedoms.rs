@@ -17,6 +17,7 @@ use super::assertion::Assertion;
 use super::trial::{Clean, Reach, Trial, Wanted};
 use crate::cli::QualifyArgs;
 use crate::exit::Refused;
+use crate::progress::Progress;
 
 /// How many freedoms a mixture has at most.
 const LARGEST_MIXTURE: usize = 6;
@@ -135,7 +136,9 @@ impl<'c, 'l> Freedoms<'c, 'l> {
             let personalities = personalities[place].iter();
             tasks.extend(personalities.map(|one| (place, Task::Personality(one))));
         }
-        let done = try_map(&tasks, |(place, task)| all[*place].compared.run(task))?;
+        let line = Progress::with_each(tasks.len(), "groups of freedoms");
+        let done = try_map(&tasks, |(place, task)| line.each(|| all[*place].compared.run(task)))?;
+        drop(line);
         let places: Vec<usize> = tasks.iter().map(|(place, _)| *place).collect();
         for (place, done) in places.into_iter().zip(done) {
             match done {
@@ -182,7 +185,8 @@ impl<'c, 'l> Freedoms<'c, 'l> {
             of.mixtures = drawn.len();
             each.extend(drawn.into_iter().map(|mixture| (place, mixture)));
         }
-        let found = try_map(&each, |(place, mixture)| all[*place].mixture(mixture))?;
+        let line = Progress::with_each(each.len(), "mixtures");
+        let found = try_map(&each, |(place, mixture)| line.each(|| all[*place].mixture(mixture)))?;
         for ((place, _), red) in each.iter().zip(found) {
             all[*place].red.extend(red);
         }

@@ -17,6 +17,7 @@ use crate::cli::QualifyArgs;
 use crate::commands::counted::counted;
 use crate::commands::fuzz::{Modelled, stage};
 use crate::exit::{Exit, Refused};
+use crate::progress::Progress;
 use crate::reporter::say;
 use crate::target::{self, Selection, Target};
 
@@ -65,7 +66,11 @@ pub(super) fn run(args: &QualifyArgs, sessions: u64) -> Result<Exit, Refused> {
     let mixtures = |home: &Home| (args.mixtures * home.freedoms.len()).div_ceil(whole);
     let subjects: Vec<Subject<'_>> =
         homes.iter().flat_map(|home| home.subjects(mixtures(home), args.seed)).collect();
-    let fuzzed = parallel::map(subjects, processors(), |subject| subject.fuzzed(args, sessions));
+    let line = Progress::with_each(subjects.len(), "devices");
+    let fuzzed = parallel::map(subjects, processors(), |subject| {
+        line.each(|| subject.fuzzed(args, sessions))
+    });
+    drop(line);
     let fuzzed = fuzzed.into_iter().collect::<Result<Vec<_>, _>>()?;
     say(&table(&fuzzed, args.verbose));
     let found = fuzzed.iter().any(|one| !one.findings.is_empty());

@@ -19,6 +19,7 @@ use super::trial::{Clean, Fits, Wanted};
 use crate::commands::check::mutants_proved_on;
 use crate::commands::counted::counted;
 use crate::exit::Refused;
+use crate::progress::Progress;
 
 /// The results of each case on each mutant of one device.
 pub(super) struct Matrix {
@@ -62,7 +63,10 @@ impl Matrix {
             });
             work.extend(mutants.into_iter().map(|mutant| (place, mutant)));
         }
-        let rows = parallel::try_map(&work, |(place, mutant)| row(&cleans[*place], mutant, fits))?;
+        let line = Progress::with_each(work.len(), "mutants");
+        let tried =
+            |(place, mutant): &(usize, Mutant)| line.each(|| row(&cleans[*place], mutant, fits));
+        let rows = parallel::try_map(&work, tried)?;
         let mut matrices: Vec<Self> = cleans.iter().map(Self::without_mutants).collect();
         for ((place, _), row) in work.iter().zip(rows) {
             matrices[*place].rows.push(row);

@@ -24,6 +24,7 @@ use super::slip::{
 };
 use super::trial::{Clean, Fits};
 use crate::exit::Refused;
+use crate::progress::Progress;
 use crate::target::DEFAULT_BIT_RATE;
 
 /// How many instances of a case are tried until all of it is proved.
@@ -91,8 +92,9 @@ impl Slips {
                 .map(|(case, instances)| (open(&case, instances[0]), instances))
                 .filter(|(open, _)| !open.is_empty())
                 .collect();
+            let line = Progress::with_each(work.len(), "cases with slips");
             let found = parallel::try_map(&work, |(open, instances)| {
-                Search::of(clean, instances, open.clone())
+                line.each(|| Search::of(clean, instances, open.clone()))
             })?;
             for search in found {
                 slips.proofs.extend(search.proofs);
