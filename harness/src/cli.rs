@@ -841,7 +841,7 @@ pub enum SchemaName {
 /// When to use colours.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum When {
-    /// On a terminal
+    /// On a terminal, unless NO_COLOR is set; everywhere with CLICOLOR_FORCE
     Auto,
     /// Always
     Always,
@@ -850,12 +850,17 @@ pub enum When {
 }
 
 impl When {
-    /// Whether standard output is coloured.
+    /// Whether standard output is coloured. The option stands above the environment, and
+    /// [`NO_COLOR`](https://no-color.org) above the rest of that.
     pub(crate) fn colours(self) -> bool {
+        let is_set = |name| std::env::var_os(name).filter(|value| !value.is_empty());
+        let is_dumb = || is_set("TERM").is_some_and(|name| name == "dumb");
         match self {
             Self::Always => true,
             Self::Never => false,
-            Self::Auto => stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none(),
+            Self::Auto if is_set("NO_COLOR").is_some() => false,
+            Self::Auto if is_set("CLICOLOR_FORCE").is_some_and(|value| value != "0") => true,
+            Self::Auto => stdout().is_terminal() && !is_dumb(),
         }
     }
 }

@@ -391,6 +391,22 @@ fn long_work_has_a_line_on_a_terminal() {
 }
 
 #[test]
+fn colours_are_where_people_expect_them() {
+    let coloured = |option: Option<&str>, variables: &[(&str, &str)]| {
+        let mut command = demo("run/green");
+        command.env_remove("NO_COLOR").env_remove("CLICOLOR_FORCE");
+        command.envs(variables.iter().copied());
+        let output = command.args(option.map(|when| format!("--color={when}"))).output().unwrap();
+        text(&output.stdout).contains('\x1b')
+    };
+    let (no, force) = (("NO_COLOR", "1"), ("CLICOLOR_FORCE", "1"));
+    assert!(!coloured(None, &[]), "it is no terminal");
+    assert!(coloured(Some("always"), &[no]));
+    assert!(coloured(None, &[force]) && coloured(None, &[force, ("NO_COLOR", "")]));
+    assert!(!coloured(None, &[force, no]) && !coloured(Some("never"), &[force]));
+}
+
+#[test]
 fn standard_error_that_takes_nothing_changes_nothing() {
     let full = fs::File::options().write(true).open("/dev/full").unwrap();
     let output = harness().args(["--target", "none0"]).stderr(full).output().unwrap();

@@ -16,14 +16,15 @@ impl Style {
     /// `text` in the colour of `verdict`.
     pub(crate) fn verdict<T: fmt::Display>(self, verdict: Verdict, text: T) -> Painted<T> {
         self.paint(
+            // Three hues that a colour-blind person tells apart; what shares one differs in weight.
             match verdict {
-                Verdict::Pass => "32",
-                Verdict::Lenient => "33",
-                Verdict::Skip | Verdict::Blocked => "36",
-                Verdict::Waived => "35",
+                Verdict::Pass => CYAN,
+                Verdict::Lenient => YELLOW,
+                Verdict::Skip | Verdict::Blocked => "2",
+                Verdict::Waived => "2;33",
                 Verdict::Flaky => "1;33",
                 Verdict::Fail => "1;31",
-                Verdict::Error => "1;35",
+                Verdict::Error => "7;31",
             },
             text,
         )
@@ -43,6 +44,9 @@ impl Style {
         Painted { code: if self.color { Some(code) } else { None }, text }
     }
 }
+
+const CYAN: &str = "36";
+const YELLOW: &str = "33";
 
 /// Text with its colour.
 pub(crate) struct Painted<T> {
@@ -107,6 +111,58 @@ mod tests {
         let text = |color| Style { color }.verdict(Verdict::Fail, "FAIL").to_string();
         assert_eq!(text(false), "FAIL");
         assert_eq!(text(true), "\x1b[1;31mFAIL\x1b[0m");
+    }
+
+    /// As people see them who lack a sort of cones: Machado, Oliveira and Fernandes, 2009. Green and
+    /// red are much the same to most of these.
+    #[test]
+    fn hues_differ_for_everybody() {
+        const LACKING: [[[f64; 3]; 3]; 3] = [
+            [[0.152, 1.053, -0.205], [0.115, 0.786, 0.099], [-0.004, -0.048, 1.052]],
+            [[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]],
+            [[1.256, -0.077, -0.179], [-0.078, 0.931, 0.148], [0.005, 0.691, 0.304]],
+        ];
+        let least = |one: [u8; 3], other: [u8; 3]| {
+            let apart = LACKING.map(|seen| {
+                let [one, other] = [one, other].map(|colour| lab(through(seen, colour)));
+                one.iter().zip(other).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+            });
+            apart.into_iter().fold(f64::MAX, f64::min)
+        };
+        // Red, green, yellow and cyan of xterm, of Visual Studio Code and of Ubuntu.
+        for [red, green, yellow, cyan] in [
+            [[205, 0, 0], [0, 205, 0], [205, 205, 0], [0, 205, 205]],
+            [[205, 49, 49], [13, 188, 121], [229, 229, 16], [17, 168, 205]],
+            [[222, 56, 43], [57, 181, 74], [255, 199, 6], [44, 181, 233]],
+        ] {
+            assert!(least(green, red) < 30.0);
+            for (one, other) in [(cyan, red), (cyan, yellow), (yellow, red)] {
+                assert!(least(one, other) > 35.0, "{one:?} {other:?}");
+            }
+        }
+    }
+
+    /// Linear light, as somebody sees it.
+    fn through(seen: [[f64; 3]; 3], colour: [u8; 3]) -> [f64; 3] {
+        let linear = colour.map(|part| {
+            let part = f64::from(part) / 255.0;
+            if part <= 0.04045 { part / 12.92 } else { ((part + 0.055) / 1.055).powf(2.4) }
+        });
+        seen.map(|row| row.iter().zip(linear).map(|(a, b)| a * b).sum())
+    }
+
+    /// In CIELAB, in which distances are as large as they look.
+    fn lab([red, green, blue]: [f64; 3]) -> [f64; 3] {
+        let xyz = [
+            (0.4124 * red + 0.3576 * green + 0.1805 * blue) / 0.950_47,
+            0.2126 * red + 0.7152 * green + 0.0722 * blue,
+            (0.0193 * red + 0.1192 * green + 0.9505 * blue) / 1.088_83,
+        ];
+        let [x, y, z] = xyz.map(|part| match part.max(0.0) {
+            small if small < 0.008_856 => 7.787 * small + 16.0 / 116.0,
+            part => part.cbrt(),
+        });
+        [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
     }
 
     #[test]
