@@ -11,8 +11,8 @@ use std::{env, fs};
 use canopen::Mux;
 use pcap_file::pcapng::{Block, PcapNgReader};
 use reports::{
-    CaseEnded, Event, FORMATS, Grade, Keep, OutOfOrder, Outcome, RECORDINGS, Recording, Run, Shard,
-    Style, Verdict, facts, github, journal, junit, merged, terminal,
+    Campaign, CaseEnded, Event, FORMATS, Grade, Keep, OutOfOrder, Outcome, RECORDINGS, Recording,
+    Run, Shard, Style, Verdict, facts, github, journal, junit, merged, terminal,
 };
 
 const PLAIN: Style = Style { color: false };
@@ -100,7 +100,9 @@ fn texts_of_a_device_break_neither_xml_nor_terminal() {
             }
             Event::CaseStarted(case) => case.title = nasty.into(),
             Event::CaseEnded(end) => match &mut end.outcome {
-                Outcome::Fail(problem) => nasty.clone_into(&mut problem.actual),
+                Outcome::Fail(problem) | Outcome::Flaky { problem, .. } => {
+                    nasty.clone_into(&mut problem.actual);
+                }
                 Outcome::Error { reason, .. }
                 | Outcome::Skip(reason)
                 | Outcome::Undecided(reason) => nasty.clone_into(reason),
@@ -174,6 +176,49 @@ fn the_strict_grade_explains_what_was_tolerated() {
         run.cases().find(|(_, case)| case.verdict() == Verdict::Lenient).expect("one is tolerated");
     assert!(run.is_red(Verdict::Lenient));
     insta::assert_snapshot!(terminal::details(device, case, PLAIN));
+}
+
+/// A lost frame may be the reason, so that it is green. Whoever repeats wants to know.
+#[test]
+fn what_failed_and_passed_is_flaky_in_each_format() {
+    let shown = |repeat| {
+        let run = fold(&fixture::flaky(repeat), Keep::Unusual);
+        let named = |flag| FORMATS.iter().find(|it| it.flag == flag).expect("it is a format").write;
+        let texts = ["junit", "json", "sarif", "markdown"].map(|flag| whole(named(flag), &run));
+        (run, texts)
+    };
+    let (run, [junit, json, sarif, markdown]) = shown(None);
+    assert_eq!((run.worst(), run.is_green()), (Some(Verdict::Flaky), true));
+    assert!(junit.contains("<flakyFailure message=\"expected ") && !junit.contains("<failure"));
+    assert!(junit.contains("in 1 of 2 attempts\" type=\"CIA301-HB-02"), "{junit}");
+    assert!(json.contains("\"flaky\":{\"failed\":1,\"of\":2}"), "{json}");
+    assert!(json.contains("\"FLAKY\":1") && json.contains("\"green\":true"), "{json}");
+    assert!(sarif.contains("\"level\": \"warning\""), "{sarif}");
+    assert!(markdown.contains("| FLAKY | 1 |") && markdown.contains("in 1 of 2 attempts"));
+    assert!(github::annotations(&run, |_| true).starts_with("::warning file="));
+    let (device, case) = run.cases().next().expect("one case");
+    let trace: Vec<String> = case.trace.iter().map(|seen| seen.frame.to_string()).collect();
+    assert_eq!(trace, ["705#7F"], "the frames of the attempt that failed");
+    insta::assert_snapshot!(terminal::details(device, case, PLAIN));
+
+    let (run, [junit, json, sarif, _]) = shown(Some(2));
+    assert!(!run.is_green());
+    assert!(junit.contains("<failure type=\"CIA301-HB-02") && !junit.contains("<flakyFailure"));
+    assert!(json.contains("\"repeat\":2") && json.contains("\"green\":false"), "{json}");
+    assert!(sarif.contains("\"level\": \"error\""), "{sarif}");
+    assert!(github::annotations(&run, |_| true).starts_with("::error file="));
+}
+
+#[test]
+fn a_campaign_is_in_the_journal_and_in_the_report_for_programs() {
+    let mut events = fixture::flaky(None);
+    let campaign =
+        Campaign { sessions: 5, tried: vec![("upload".into(), 3)], ..Campaign::default() };
+    events.insert(events.len() - 1, Event::Campaign(Box::new(campaign)));
+    let run = Run::fold(&text(&events), Keep::Unusual).expect("the journal is in order");
+    let json = whole(reports::json::write, &run);
+    assert!(json.contains("\"campaign\":{\"sessions\":5,"), "{json}");
+    assert!(json.contains("\"tried\":[[\"upload\",3]]"), "{json}");
 }
 
 /// The suites in the program are no files of the user's repository.
