@@ -201,12 +201,7 @@ pub struct ReportArgs {
 
 impl Args for ReportArgs {
     fn augment_args(command: clap::Command) -> clap::Command {
-        // A command whose flag has this name prints JSON itself.
-        let taken: Vec<String> =
-            command.get_arguments().map(|argument| argument.get_id().to_string()).collect();
-        let free = |flag: &str| taken.iter().all(|name| name != flag);
-        let formats = FORMATS.iter().filter(|format| free(format.flag));
-        let formats = formats.map(|format| (format.flag, format.help));
+        let formats = FORMATS.iter().map(|format| (format.flag, format.help));
         let recordings = RECORDINGS.iter().map(|recording| (recording.flag, recording.help));
         command.args(formats.chain(recordings).map(|(flag, help)| {
             let file = Arg::new(flag).long(flag).value_name("FILE");
@@ -490,9 +485,6 @@ pub struct CampaignArgs {
     /// Begin with the freedoms that a run of this journal showed: what its LENIENT cases name
     #[arg(long, value_name = "JOURNAL")]
     pub after: Option<PathBuf>,
-    /// Print what the campaign showed as JSON
-    #[arg(long, conflicts_with = "goals")]
-    pub json: bool,
     /// The reports to write.
     #[command(flatten)]
     pub reports: ReportArgs,

@@ -64,10 +64,10 @@ fn the_number_of_workers_changes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let of = |jobs: &str| {
         let target = "sim:generic?personality=optimist";
-        let arguments = ["--target", target, "--sessions", "40", "--jobs", jobs, "--json"];
+        let arguments = ["--target", target, "--sessions", "40", "--jobs", jobs, "--json", jobs];
         let output = fuzz(folder.path(), &arguments);
         assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-        output.stdout
+        (output.stdout, fs::read(folder.path().join(jobs)).unwrap())
     };
     assert_eq!(of("1"), of("3"));
 }
@@ -76,11 +76,12 @@ fn the_number_of_workers_changes_nothing() {
 fn a_session_that_took_longer_than_the_campaign_has_counts() {
     let folder = tempfile::tempdir().unwrap();
     let program = format!("exec:{} serve em66 --stdio", env!("CARGO_BIN_EXE_harness"));
-    let arguments = ["--target", &program, "--oracle", "em66", "--time", "0s", "--json"];
+    let arguments = ["--target", &program, "--oracle", "em66", "--time", "0s", "--json", "it"];
     let output = fuzz(folder.path(), &arguments);
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-    let shown: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(shown["sessions"], 1, "{}", said(&output));
+    let shown = fs::read(folder.path().join("it")).unwrap();
+    let shown: serde_json::Value = serde_json::from_slice(&shown).unwrap();
+    assert_eq!(shown["campaign"]["sessions"], 1, "{}", said(&output));
 }
 
 #[test]

@@ -12,6 +12,7 @@ use canopen::decoder::PdoLayout;
 use canopen::{Instant, Stamped};
 use serde::{Deserialize, Serialize};
 
+use crate::campaign::Campaign;
 use crate::cause::Cause;
 use crate::names::ObjectNames;
 use crate::verdict::{Grade, Outcome, Phase};
@@ -42,6 +43,8 @@ pub enum Event {
     Measured(Measured),
     /// The case is over.
     CaseEnded(CaseEnded),
+    /// What a fuzzing campaign showed.
+    Campaign(Box<Campaign>),
     /// The last event.
     RunEnded(RunEnded),
 }

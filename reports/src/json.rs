@@ -7,6 +7,7 @@ use std::io::{self, Write};
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::campaign::Campaign;
 use crate::characteristics::Characteristic;
 use crate::digest::Digest;
 use crate::event::{Check, Measured};
@@ -58,6 +59,8 @@ pub struct Report<'r> {
     causes: Vec<Cause>,
     /// What is different from an earlier run, where one was given.
     comparison: Option<Compared<'r>>,
+    /// What else a fuzzing campaign showed; its causes are cases of the device, too.
+    campaign: Option<&'r Campaign>,
     /// The requirements that cases check, by id.
     requirements: BTreeMap<&'r str, Requirement<'r>>,
     /// The checks of CiA's conformance test tool by their numbers; none when no case makes one.
@@ -265,6 +268,7 @@ impl<'r> Report<'r> {
                 changed: it.changed.iter().map(Changed::of).collect(),
                 moved: it.moved.iter().map(Moved::of).collect(),
             }),
+            campaign: run.campaign.as_deref(),
             requirements: checks.map(|check| (&*check.id, Requirement::of(check))).collect(),
             devices: run.devices.iter().map(Device::of).collect(),
             tool_checks: digest.tool_checks.into_iter().map(ToolCheck::of).collect(),

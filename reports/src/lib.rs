@@ -2,6 +2,7 @@
 //! writers of reports. No I/O and no clock: every report is a function of a run, and a run is a
 //! function of its events.
 
+pub mod campaign;
 pub mod candump;
 mod cause;
 mod characteristics;
@@ -34,6 +35,7 @@ mod tool_checks;
 mod verdict;
 mod wire;
 
+pub use campaign::Campaign;
 pub use cause::Cause;
 pub use characteristics::Characteristic;
 pub use compare::compared;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use canopen::{Instant, Stamped};
 
+use crate::campaign::Campaign;
 use crate::cause::Cause;
 use crate::characteristics::{Characteristic, Watched};
 use crate::comparison::Comparison;
@@ -35,6 +36,8 @@ pub struct Run {
     pub devices: Vec<DeviceRun>,
     /// How it ended; `None` when it was cut off.
     pub ended: Option<RunEnded>,
+    /// What it showed, when it is a fuzzing campaign.
+    pub campaign: Option<Box<Campaign>>,
     /// What is different from an earlier run, where one was given.
     pub comparison: Option<Comparison>,
     keep: Keep,
@@ -196,6 +199,11 @@ impl Run {
                 Ok(())
             }
             Event::CaseEnded(end) => self.end_case(end),
+            Event::Campaign(campaign) => {
+                self.idle("a campaign shows something within a case")?;
+                self.campaign = Some(campaign.clone());
+                Ok(())
+            }
             Event::RunEnded(end) => {
                 self.idle("the run ends within a case")?;
                 self.ended = Some(end.clone());

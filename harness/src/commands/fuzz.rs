@@ -34,7 +34,7 @@ pub(super) use causes::{Cause, group};
 use file::FindingFile;
 use may::may_do;
 pub(super) use model::Modelled;
-use outcome::{Found, Outcome};
+use outcome::{Outcome, found, notes_of};
 use prepared::Prepared;
 use record::{Record, Shown};
 use stage::{Clock, Place, target_of};
@@ -106,19 +106,20 @@ fn carry_out(
     for cause in group(&campaign, &modelled.blueprint, &findings) {
         let kept = kept(args, prepared, &campaign, &mut place, &cause, &findings)?;
         let surface = modelled.blueprint.surface();
-        let mut found = Found::new(&cause, &findings, &kept.finding, surface, kept.file);
+        let mut found = found(&cause, &findings, &kept.finding, surface, kept.file.as_deref());
         let requirements = cause.mutants.first().map(|it| &modelled.blueprint.mutants()[*it]);
         found.waived = record.cause(&Shown {
             cause: &cause.name,
             requirements: requirements.map_or(&[], |mutant| &mutant.clauses),
             finding: &kept.finding,
-            notes: found.notes(),
-            file: found.file.as_deref(),
+            notes: notes_of(&found),
+            file: kept.file.as_deref(),
         });
-        outcome.causes.push(found);
+        outcome.0.causes.push(found);
     }
     place.give_back();
-    say(&if args.json { outcome.json() } else { outcome.text(args.goals) });
+    say(&outcome.text(args.goals));
+    record.showed(outcome.0);
     let exit = match &stopped {
         None => Exit::Green,
         Some(BusError::Interrupted) => Exit::Interrupted,

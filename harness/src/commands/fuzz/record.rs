@@ -131,6 +131,11 @@ impl<'r> Record<'r> {
         waived
     }
 
+    /// What else the campaign showed.
+    pub(super) fn showed(&mut self, campaign: reports::Campaign) {
+        self.reporter.tell(&Event::Campaign(Box::new(campaign)));
+    }
+
     /// The campaign is over. Returns its exit code, where `stopped` is that of what stopped it.
     pub(super) fn end(self, stopped: Exit, reason: Option<String>) -> Exit {
         let red = self.reporter.run().cases().any(|(_, case)| {
