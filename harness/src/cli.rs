@@ -261,9 +261,9 @@ pub struct RenderArgs {
     #[command(flatten)]
     pub reports: ReportArgs,
     /// The journal of an earlier run, to tell what is new, cured and changed; where what was green
-    /// is red, the exit code is 10
+    /// is red, the exit code is 10. Of shards, once for each
     #[arg(long, value_name = "JOURNAL")]
-    pub against: Option<PathBuf>,
+    pub against: Vec<PathBuf>,
     /// Record the frames of the cases only that this names, as the patterns of a run do
     #[arg(long, value_name = "PATTERN")]
     pub case: Option<String>,

@@ -21,8 +21,9 @@ pub(super) fn run(args: &RenderArgs) -> Result<Exit, Refused> {
         complain!("note: the run of {} was cut off after {cases} cases", path.display());
     }
     let mut run = merged(runs);
-    let earlier = args.against.as_deref().map(recorded).transpose()?;
-    run.comparison = earlier.map(|earlier| compared(&run, &earlier));
+    let earlier = args.against.iter().map(|path| recorded(path));
+    let earlier: Vec<Run> = earlier.collect::<Result<_, _>>()?;
+    run.comparison = (!earlier.is_empty()).then(|| compared(&run, &merged(earlier)));
     let regression = run.comparison.as_ref().is_some_and(|it| it.is_regression);
     let exit = if regression { Exit::Regression } else { Exit::Green };
     let reports = &args.reports;
