@@ -1,7 +1,7 @@
 //! The line on a terminal that says how far long work has come: a bar, its share, and words.
 //!
-//! There is none where standard error is no terminal. It goes when the work is over, and whatever is
-//! printed meanwhile stands above it.
+//! There is none where standard error is no terminal. It goes when the work is over, and whatever
+//! is printed meanwhile stands above it.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};

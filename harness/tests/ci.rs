@@ -1,6 +1,6 @@
-//! The action and the template of `examples/ci`, as a server carries them out: their steps with their
-//! variables, conditions, caches and artifacts. What a server does itself is done here as simply as it
-//! can be.
+//! The action and the template of `examples/ci`, as a server carries them out: their steps with
+//! their variables, conditions, caches and artifacts. What a server does itself is done here as
+//! simply as it can be.
 
 mod common;
 

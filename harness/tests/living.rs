@@ -44,7 +44,7 @@ fn an_error_keeps_the_device_out_of_operational() {
 }
 
 /// Whether it is there in the first moment decides what the device can show of OPERATIONAL. A case
-/// in which it comes or goes may fail, is repeated, and is LENIENT then.
+/// in which it comes or goes may fail, is repeated, and is FLAKY then.
 #[test]
 fn an_error_comes_and_goes() {
     for file in [initial(), FULL.to_owned()] {
@@ -56,8 +56,8 @@ fn an_error_comes_and_goes() {
             came.verdicts.retain(|name, _| !name.starts_with("generic/"));
             assert_eq!(came.red, Vec::<String>::new(), "{file}");
             assert!(came.blocked > 100, "{} cases are blocked", came.blocked);
-            let lenient = came.verdicts.values_mut().filter(|found| **found == Verdict::Lenient);
-            lenient.for_each(|found| *found = Verdict::Pass);
+            let mild = |found: &&mut Verdict| matches!(**found, Verdict::Lenient | Verdict::Flaky);
+            came.verdicts.values_mut().filter(mild).for_each(|found| *found = Verdict::Pass);
             came.verdicts
         });
         assert_eq!(verdicts[0], verdicts[1], "the order makes a difference");

@@ -1,5 +1,5 @@
-//! What a fuzzing campaign showed beside its causes, which are cases: how much was tried, and what was
-//! learnt of the device.
+//! What a fuzzing campaign showed beside its causes, which are cases: how much was tried, and what
+//! was learnt of the device.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

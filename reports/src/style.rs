@@ -113,8 +113,8 @@ mod tests {
         assert_eq!(text(true), "\x1b[1;31mFAIL\x1b[0m");
     }
 
-    /// As people see them who lack a sort of cones: Machado, Oliveira and Fernandes, 2009. Green and
-    /// red are much the same to most of these.
+    /// As people see them who lack a sort of cones: Machado, Oliveira and Fernandes, 2009. Green
+    /// and red are much the same to most of these.
     #[test]
     fn hues_differ_for_everybody() {
         const LACKING: [[[f64; 3]; 3]; 3] = [

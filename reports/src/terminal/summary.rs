@@ -298,8 +298,8 @@ fn again(run: &Run, text: &mut String) {
     }
 }
 
-/// How often a case is repeated to see whether it is flaky. One that fails once in five times passes
-/// each time in 1 of 90.
+/// How often a case is repeated to see whether it is flaky. One that fails once in five times
+/// passes each time in 1 of 90.
 const OFTEN: u32 = 20;
 
 /// Cases that did not pass and share one line.

@@ -1,5 +1,5 @@
-//! Leaves out of a file of waivers what is needed no longer. The file is the user's: whatever stays is
-//! written as it was.
+//! Leaves out of a file of waivers what is needed no longer. The file is the user's: whatever stays
+//! is written as it was.
 
 use std::fmt::Write as _;
 use std::path::Path;

@@ -113,6 +113,8 @@ mod tests {
                 column: 1,
                 length: 1,
                 source: String::new(),
+                before: Vec::new(),
+                after: Vec::new(),
             },
             expected: String::new(),
             actual: String::new(),
