@@ -70,7 +70,7 @@ impl Tally {
             Outcome::Skip(_) | Outcome::Blocked(_) | Outcome::Waived { .. } => return,
         };
         (self.failed, self.of) = (self.failed + failed, self.of + of);
-        self.problem = problem.or(self.problem.take());
+        self.problem = problem.or_else(|| self.problem.take());
     }
 
     /// What they come to with the last one. A case that could not be carried out once is an ERROR,
