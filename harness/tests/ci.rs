@@ -153,7 +153,7 @@ impl Server {
         let mut values = Variables::new();
         for (name, input) in said["inputs"].as_object().expect("inputs") {
             let given = inputs.iter().find(|(given, _)| given == name).map(|(_, value)| *value);
-            let value = given.or(input["default"].as_str()).expect("a value");
+            let value = given.or_else(|| input["default"].as_str()).expect("a value");
             values.insert(format!("inputs.{name}"), value.to_owned());
         }
         let default = "github.event.repository.default_branch".to_owned();

@@ -60,8 +60,8 @@ pub(crate) fn roughly(time: Duration) -> String {
     let minutes = (seconds + 30) / 60;
     match seconds {
         ..=9 => format!("about {} s", seconds.max(1)),
-        ..=89 => format!("about {} s", (seconds + 5) / 10 * 10),
-        ..=5399 => format!("about {minutes} min"),
+        10..=89 => format!("about {} s", (seconds + 5) / 10 * 10),
+        90..=5399 => format!("about {minutes} min"),
         _ => {
             let minutes = (minutes + 5) / 10 * 10;
             format!("about {} h {:02} min", minutes / 60, minutes % 60)
