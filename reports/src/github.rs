@@ -6,9 +6,9 @@ use crate::run::{CaseRun, DeviceRun, Run};
 use crate::style::shell_word;
 use crate::verdict::{Excerpt, Outcome, Verdict};
 
-/// One line per case that failed or erred (`::error`), was tolerated or is flaky (`::warning`) or is
-/// waived (`::notice`). Only files for which `is_there` holds are named: GitHub shows an annotation
-/// at a line of the repository.
+/// One line per case that failed or erred (`::error`), was tolerated or is flaky (`::warning`) or
+/// is waived (`::notice`). Only files for which `is_there` holds are named: GitHub shows an
+/// annotation at a line of the repository.
 pub fn annotations(run: &Run, is_there: impl Fn(&str) -> bool) -> String {
     run.cases().filter_map(|(device, case)| annotation(run, device, case, &is_there)).collect()
 }

@@ -101,9 +101,30 @@ mod tests {
 
     #[test]
     fn what_stays_is_as_it_was() {
-        let text = "# a header\n\n# one\n- cases: a\n  reason: x\n\n# a heading\n\n- cases: b # two\n  \
-                    reason: >-\n    y\n\n    z\n  # its own\n\n# three\n- cases: c\n  reason: z\n";
-        let pruned = |dropped: &[usize]| without(text, &[4, 9, 17], dropped).expect("it is pruned");
+        let text = [
+            "# a header",
+            "",
+            "# one",
+            "- cases: a",
+            "  reason: x",
+            "",
+            "# a heading",
+            "",
+            "- cases: b # two",
+            "  reason: >-",
+            "    y",
+            "",
+            "    z",
+            "  # its own",
+            "",
+            "# three",
+            "- cases: c",
+            "  reason: z",
+            "",
+        ];
+        let text = text.join("\n");
+        let pruned =
+            |dropped: &[usize]| without(&text, &[4, 9, 17], dropped).expect("it is pruned");
         assert_eq!(
             pruned(&[4]),
             "# a header\n\n# a heading\n\n- cases: b # two\n  reason: >-\n    y\n\n    z\n  \
