@@ -1,8 +1,8 @@
 'use strict';
 (() => {
 const data = JSON.parse(document.getElementById('data').textContent);
-const VERDICTS = [['fail', 'FAIL'], ['error', 'ERROR'], ['lenient', 'LENIENT'], ['waived', 'XFAIL'],
-  ['blocked', 'BLOCKED'], ['skip', 'SKIP'], ['pass', 'PASS']];
+const VERDICTS = [['fail', 'FAIL'], ['error', 'ERROR'], ['flaky', 'FLAKY'], ['lenient', 'LENIENT'],
+  ['waived', 'XFAIL'], ['blocked', 'BLOCKED'], ['skip', 'SKIP'], ['pass', 'PASS']];
 const NAME = Object.fromEntries(VERDICTS);
 /* How many rows of a suite are shown before somebody asks for the rest. */
 const ROWS = 200;
