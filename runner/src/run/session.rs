@@ -182,6 +182,7 @@ impl Session<'_> {
             Ending::Nobody => format!("node {} does not answer", self.plan.dut.node),
             Ending::Gone(why) => shortly(why).to_owned(),
             Ending::Bus(BusError::Interrupted) => "interrupted".to_owned(),
+            Ending::Bus(BusError::Lost(why)) => shortly(why).to_owned(),
             Ending::Bus(error) => format!("the bus failed: {error}"),
             Ending::Enough(_) => "enough cases have failed, as `--max-fail` says".to_owned(),
         };

@@ -42,6 +42,8 @@ pub(in crate::run) struct Baseline {
     starts: Cell<Starts>,
     /// How long it was waited for altogether while it was busy.
     waited: Cell<Duration>,
+    /// How often in a row it answered to none of the ways to it, while the tester was late.
+    silences: Cell<u32>,
     /// What brought it back the last time that it was silent.
     helped: Cell<Option<Rung>>,
     /// Whether a case has had it monitor another node since it was started the last time.
@@ -91,6 +93,7 @@ impl Baseline {
             emergency_id: None,
             emergencies: Vec::new(),
             waited: Cell::default(),
+            silences: Cell::default(),
             hidden: Standing::default(),
             kept_out: None,
             monitored: Vec::new(),
@@ -119,6 +122,22 @@ impl Baseline {
     /// The device was not in order, and that brought it back.
     pub(super) fn help_came_by(&self, rung: Rung) {
         self.helped.set(Some(rung));
+    }
+
+    /// The device answered to none of the ways to it, while the tester was late.
+    pub(super) fn was_silent(&self) {
+        self.silences.set(self.silences.get() + 1);
+    }
+
+    /// Whether a run ends although the silence of the device proves nothing: all ways to it take
+    /// minutes, and were gone twice without an answer. The tester may stay late as long as it runs.
+    pub(in crate::run) fn is_given_up(&self) -> bool {
+        self.silences.get() > 1
+    }
+
+    /// The device has answered.
+    pub(super) fn answered(&self) {
+        self.silences.set(0);
     }
 
     /// Whether the device sends a boot-up message.

@@ -81,7 +81,7 @@ pub(in crate::run) fn settle(
         (Some(Unrest::Odd(what) | Unrest::Errors(what, _)), _) => {
             return Ok(Settled::AtRest(Some(what)));
         }
-        (_, Some(late)) => return Err(proves_nothing(late)),
+        (_, Some(late)) => return Err(unproved(late, link, baseline, &tried)),
         (Some(Unrest::Silent(what)), None) => what,
         (None, None) => "nothing after a reset".to_owned(),
     };
@@ -226,7 +226,7 @@ pub(super) fn wake(
         }
     }
     match link.behind_since(begun) {
-        Some(late) => Err(proves_nothing(late)),
+        Some(late) => Err(unproved(late, link, baseline, &tried)),
         None => Ok(Settled::Lost(lost("it does not answer", link, &tried))),
     }
 }
@@ -235,6 +235,12 @@ pub(super) fn wake(
 fn lost(what: &str, link: &Link, tried: &Tried) -> String {
     let silence = link.silence().said().map(|said| format!("; {said}")).unwrap_or_default();
     format!("{what}{silence}; {}", tried.said())
+}
+
+/// That it is not known whether the device is lost, since the tester was late.
+fn unproved(late: Duration, link: &Link, baseline: &Baseline, tried: &Tried) -> BusError {
+    baseline.was_silent();
+    BusError::Lost(lost(&proves_nothing(late), link, tried))
 }
 
 /// The reason why a device is not ready for a case.
@@ -264,6 +270,9 @@ fn look(
         }
     };
     let device_type = sdo::upload(link, policy, dut.node, DEVICE_TYPE)?.result;
+    if device_type != Err(Failure::Timeout) {
+        baseline.answered();
+    }
     if let Some(unrest) = device_type.err().and_then(|failure| unrest(DEVICE_TYPE, &failure)) {
         return Ok(Some(unrest));
     }

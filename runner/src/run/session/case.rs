@@ -149,7 +149,9 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             self.note(format!("not every object could be restored: {}", listed.join(", ")));
         }
         let aftermath = match (restored, stop) {
-            (_, Some(error)) | (Err(error), None) if lasts(&error) => Aftermath::Stop(error),
+            (_, Some(error)) | (Err(error), None) if self.ends_run(&error) => {
+                Aftermath::Stop(error)
+            }
             (Err(_), _) | (_, Some(_)) => Aftermath::Left(Left::Dirty),
             (Ok(restored), None) => {
                 let still = bench_alone && restored.still;
@@ -199,9 +201,14 @@ impl<'r, 'b> CaseRun<'r, 'b> {
                 };
                 (outcome, Aftermath::Gone(reason))
             }
-            Err(failure) if lasts(&failure) => (outcome, Aftermath::Stop(failure)),
+            Err(failure) if self.ends_run(&failure) => (outcome, Aftermath::Stop(failure)),
             Err(_) => (outcome, Aftermath::Left(Left::Dirty)),
         }
+    }
+
+    /// Whether no case follows a failure of the bus.
+    fn ends_run(&self, failure: &BusError) -> bool {
+        lasts(failure) || self.common.baseline.is_given_up()
     }
 
     /// Brings the device to rest, and reads what the case may change.
@@ -405,7 +412,10 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         };
         let aftermath = match failure {
             // A program that ended was started again.
-            BusError::Ended(_) | BusError::Lost(_) => Aftermath::Left(Left::Dirty),
+            BusError::Ended(_) => Aftermath::Left(Left::Dirty),
+            BusError::Lost(_) if !self.common.baseline.is_given_up() => {
+                Aftermath::Left(Left::Dirty)
+            }
             failure => Aftermath::Stop(failure),
         };
         (outcome, aftermath)

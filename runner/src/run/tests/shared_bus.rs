@@ -164,15 +164,26 @@ fn a_tester_that_does_not_keep_up_gives_no_device_up() {
         let stop = Frame::new(0, [2, NODE]);
         let mut bus = odd(Box::new(move |sent, seen| (!sent.contains(&stop)).then_some(seen)));
         bus.late_after = Some((stop, Duration::from_millis(late)));
-        run_shared(&mut bus, 2, "[ nmt: stop, wait: 100 ms ]")
+        run_shared(&mut bus, 9, "[ nmt: stop, wait: 100 ms ]")
     };
     assert!(matches!(judged(2).ending, Ending::Gone(_)));
     let ran = judged(400);
-    assert_eq!(ran.ending, Ending::Complete);
-    let undecided = |outcome: &Outcome| matches!(outcome, Outcome::Undecided(_));
+    // Nor does it try again for hours.
+    let Ending::Bus(BusError::Lost(why)) = &ran.ending else { panic!("{:?}", ran.ending) };
+    let (late, tried) = why.split_once("; ").unwrap();
+    assert!(late.contains("so that the silence of the device proves nothing"), "{why}");
+    assert!(
+        tried.ends_with("; reset node, an SDO abort and reset of all nodes did not help"),
+        "{why}"
+    );
+    assert!(ran.took < Duration::from_secs(600), "{:?}", ran.took);
     // The first case has no need of it after its steps, which are in order.
     assert_eq!(verdicts(&ran)[0], Verdict::Pass);
-    assert!(ran.outcomes[1..].iter().all(undecided), "{:?}", ran.outcomes);
+    let undecided = |outcome: &Outcome| matches!(outcome, Outcome::Undecided(_));
+    assert!(ran.outcomes[1..3].iter().all(undecided), "{:?}", ran.outcomes);
+    assert_eq!(ran.outcomes.len(), 9);
+    let not_run = Outcome::not_run(late);
+    assert!(ran.outcomes[3..].iter().all(|outcome| *outcome == not_run), "{:?}", ran.outcomes);
 }
 
 /// In a case with many frames, one is lost in each attempt, here or there.
