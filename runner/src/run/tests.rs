@@ -511,11 +511,15 @@ fn lateness_excuses_a_device_on_the_same_machine_within_proportion() {
         (verdicts(&ran)[0], matches!(ran.outcomes[0], Outcome::Undecided(_)))
     };
     const ASKED: &str = "send: '600+n#40 00 10 00 00 00 00 00'";
-    let within = |time: &str| {
-        judged(&format!("[ {ASKED}, expect: {{ frame: '700+n#05', within: {time} }} ]"))
-    };
-    assert_eq!(within("30 ms"), (Verdict::Error, true));
-    assert_eq!(within("5 s"), (Verdict::Fail, false));
+    for never_comes in [
+        "expect: { frame: '700+n#05'",
+        "send: '123#', reply: { frame: '700+n#05'",
+        "ask: { send: '123#', reply: '700+n#05'",
+    ] {
+        let within = |time: &str| judged(&format!("[ {ASKED}, {never_comes}, within: {time} }} ]"));
+        assert_eq!(within("30 ms"), (Verdict::Error, true), "{never_comes}");
+        assert_eq!(within("5 s"), (Verdict::Fail, false), "{never_comes}");
+    }
     let never = format!("[ {ASKED}, never: {{ frame: '580+n#...', for: 1 s }} ]");
     assert_eq!(judged(&never), (Verdict::Error, true));
 }

@@ -71,6 +71,7 @@ impl Steps<'_, '_> {
             Some(count) if count > 1 => format!("{strict} to request {number} of {count}"),
             _ => strict.to_string(),
         };
+        self.margin = within * tries as u32;
         self.broken(&[], Difference::new(expected, actual))
     }
 }

@@ -153,6 +153,7 @@ impl Steps<'_, '_> {
                 self.allows(Allowance::OrSilence);
                 return Err(Trouble::Declined(format!("{strict}: {actual}")));
             }
+            self.margin = within;
             return self.broken(&[], Difference::new(strict.to_string(), actual));
         };
         self.may_decline(&strict, &reply.or_else, &answer)?;
