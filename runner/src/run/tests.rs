@@ -42,7 +42,7 @@ struct Odd {
     last: Instant,
     /// After which time the tester learns of a frame of the device.
     lag: Duration,
-    /// How long the host stalls before the request for a segment leaves.
+    /// How long the host stalls before the request for a segment, or SYNC, leaves.
     before_segments: Duration,
     held: VecDeque<Stamped>,
     sent: Vec<Frame>,
@@ -75,10 +75,12 @@ impl Bus for Odd {
     }
 
     fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
-        if frame.data_id() == Some(0x600 + u16::from(NODE)) && frame.data.first() == Some(&0x60) {
+        let id = frame.data_id();
+        let to_server = id == Some(0x600 + u16::from(NODE));
+        if to_server && frame.data.first() == Some(&0x60) || id == Some(0x080) {
             let until = self.bus.now() + self.before_segments;
             while let Some(seen) = self.bus.recv(until)? {
-                self.held.push_back(seen);
+                self.held.extend(if seen.own { Some(seen) } else { (self.way)(&self.sent, seen) });
             }
         }
         self.sent.push(*frame);
@@ -441,6 +443,30 @@ fn a_deviation_within_the_lateness_of_the_tester_is_none_of_the_device() {
     };
     assert_eq!(judged(0), [Verdict::Fail]);
     assert_eq!(judged(4), [Verdict::Pass]);
+}
+
+/// A device that is a program of the same machine has as little of the time.
+#[test]
+fn what_a_monitor_says_while_a_frame_could_not_leave_is_undecided() {
+    let judged = |before_segments| {
+        let (mut sent_before, mut heartbeats) = (0, 0);
+        let way = move |sent: &[Frame], seen: Stamped| {
+            if sent.len() != sent_before {
+                (sent_before, heartbeats) = (sent.len(), 0);
+            }
+            let is_heartbeat = seen.frame.to_string().starts_with("701#7F");
+            heartbeats += u32::from(is_heartbeat);
+            (!is_heartbeat || !(3..=6).contains(&heartbeats)).then_some(seen)
+        };
+        let mut bus = Odd { before_segments, ..odd(Box::new(way)) };
+        let steps = "[ write: { object: '1017:00', value: 20 ms }, wait: 100 ms, send: '080#', \
+                     wait: 10 ms ]";
+        run(&mut bus, 1, steps).outcomes.remove(0)
+    };
+    assert_eq!(judged(Duration::ZERO).verdict(), Verdict::Fail);
+    let late = judged(Duration::from_millis(90));
+    let Outcome::Undecided(why) = &late else { panic!("{late:?}") };
+    assert!(why.starts_with("the tester was late by 90 ms, and in 4 attempts"), "{why}");
 }
 
 #[test]

@@ -12,7 +12,7 @@ use super::outcome::{CaseOutcome, error};
 use super::phases::run_phase;
 use crate::dut::Dut;
 use crate::plan::{Fate, Instance, Scope, deeds, others};
-use crate::run::link::Link;
+use crate::run::link::{Lateness, Link};
 use crate::run::observer::{Observer, Unobserved};
 use crate::run::policy::Policy;
 use crate::run::rest::{
@@ -335,7 +335,9 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             Difference { raw: breach.frame, ..Difference::new(breach.rule, breach.got) };
         self.proof.iter_mut().for_each(Proof::spoil);
         result.fail(Phase::Monitor, last, difference);
-        let late = self.link.noticed().max(waited);
+        // A tester that was late with a frame had as little of the time.
+        let Lateness { missed, overslept, .. } = self.link.lateness();
+        let late = self.link.noticed().max(waited).max(missed).max(overslept);
         let late = (late > self.common.policy.bears(Duration::ZERO)).then_some(late);
         result.late = result.late.max(late);
     }
