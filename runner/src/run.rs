@@ -22,7 +22,7 @@ mod visit;
 
 pub use link::{
     Ended, Link, Lost, Traffic, exists, identity, oddities, probe, read_number, read_text,
-    transfer, value_length,
+    read_value, transfer, value_length,
 };
 pub use observer::{Observer, Shown, Unobserved};
 pub use policy::Policy;

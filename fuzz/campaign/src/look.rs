@@ -1,11 +1,9 @@
 //! A first look at a device: what its data sheet leaves open, and what somebody has stored in it.
 
 use std::collections::BTreeMap;
-use std::time::Duration;
 
+use canopen::Mux;
 use canopen::eds::{Eds, Term};
-use canopen::sdo::{Client, Next, RESPONSE_COB_ID, Request};
-use canopen::{Bus, BusError, Frame, Mux};
 use reference_devices::stack::NodeSettings;
 
 use crate::surface::FIRST_OF_APPLICATION;
@@ -19,68 +17,27 @@ pub struct Look {
     pub errors: bool,
 }
 
-/// How long an answer may take.
-const PATIENCE: Duration = Duration::from_millis(300);
-/// After so many requests in a row without an answer, the device is gone.
-const SILENCE: u32 = 4;
 const ERROR_REGISTER: Mux = Mux::new(0x1001, 0);
 const HISTORY: Mux = Mux::new(0x1003, 0);
 
-/// Reads what can be read, but for what the data sheet says not to read in passing.
+/// Reads what can be read, but for what the data sheet says not to read in passing. `read` gives
+/// the value of an object, and nothing where the device has none to give.
 ///
 /// # Errors
-/// Whatever the bus reports; and when the device falls silent.
-pub fn look(bus: &mut dyn Bus, eds: &Eds, node: u8) -> Result<Look, BusError> {
-    let (mut look, mut silent) = (Look::default(), 0);
+/// Those of `read`.
+pub fn look<E>(
+    eds: &Eds,
+    mut read: impl FnMut(Mux) -> Result<Option<Vec<u8>>, E>,
+) -> Result<Look, E> {
+    let mut look = Look::default();
     let objects = eds.objects.iter().filter(|object| object.flags.unwrap_or_default() & 2 == 0);
     let entries = objects.flat_map(|object| &object.entries);
     for entry in entries.filter(|entry| entry.access.readable()) {
-        match upload(bus, node, entry.mux)? {
-            Some(value) => {
-                silent = 0;
-                look.values.extend(value.map(|value| (entry.mux, value)));
-            }
-            None => silent += 1,
-        }
-        if silent >= SILENCE {
-            return Err(BusError::Io(format!("node {node} does not answer any more")));
-        }
+        look.values.extend(read(entry.mux)?.map(|value| (entry.mux, value)));
     }
     let is_set = |mux| look.values.get(&mux).is_some_and(|value| value.iter().any(|it| *it != 0));
     look.errors = is_set(ERROR_REGISTER) || is_set(HISTORY);
     Ok(look)
-}
-
-/// The value of an object; `Some(None)` when the device refuses, `None` when it does not answer.
-fn upload(bus: &mut dyn Bus, node: u8, mux: Mux) -> Result<Option<Option<Vec<u8>>>, BusError> {
-    let (mut client, first) = Client::upload(mux);
-    let mut requests = vec![first];
-    loop {
-        for request in requests {
-            bus.send(&request.frame(node))?;
-        }
-        let Some(answer) = answer(bus, node)? else {
-            let abort = Request::Abort(mux, canopen::Abort::TIMEOUT);
-            bus.send(&abort.frame(node))?;
-            return Ok(None);
-        };
-        let Ok(answer) = client.decode(&answer.data) else { return Ok(Some(None)) };
-        match client.step(answer) {
-            Next::Send(next, more) => (client, requests) = (next, more),
-            Next::Done(value, _) => return Ok(Some(Some(value))),
-            Next::Failed(..) => return Ok(Some(None)),
-        }
-    }
-}
-
-fn answer(bus: &mut dyn Bus, node: u8) -> Result<Option<Frame>, BusError> {
-    let until = bus.now() + PATIENCE;
-    while let Some(seen) = bus.recv(until)? {
-        if !seen.own && seen.frame.data_id() == Some(RESPONSE_COB_ID + u16::from(node)) {
-            return Ok(Some(seen.frame));
-        }
-    }
-    Ok(None)
 }
 
 impl Look {

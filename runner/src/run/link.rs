@@ -20,7 +20,7 @@ pub use oddities::oddities;
 pub(super) use patience::{Patience, proves_nothing};
 pub use probe::{Lost, objects as probe};
 pub(super) use read::versions;
-pub use read::{exists, identity, read_number, read_text};
+pub use read::{exists, identity, read_number, read_text, read_value};
 pub use sdo::{Ended, transfer, value_length};
 pub use trace::Link;
 pub use traffic::Traffic;

@@ -1,7 +1,10 @@
 //! What tests of campaigns have in common.
 
+use std::time::Duration;
+
 use campaign::{Blueprint, Look, Stage, look};
-use canopen::eds;
+use canopen::sdo::{Client, Next, RESPONSE_COB_ID};
+use canopen::{Bus, BusError, Mux, eds};
 use reference_devices::change::Deviation;
 use reference_devices::devices::ReferenceDevice;
 use reference_devices::freedom;
@@ -17,11 +20,38 @@ pub(crate) fn blueprint(
     let mut seen = Look::default();
     stage
         .ask(&mut |bus| {
-            seen = look(bus, eds, node)?;
+            seen = look(eds, |mux| read(bus, node, mux))?;
             Ok(())
         })
         .unwrap();
     let (eds, settings) = seen.amend(eds, node, &device.description.settings);
     let blueprint = Blueprint::of_sheet(eds, node, settings).unwrap();
     blueprint.with_freedoms(freedom::of(device).unwrap()).with_errors(seen.errors)
+}
+
+/// The value of an object, which a simulated device gives at once.
+fn read(bus: &mut dyn Bus, node: u8, mux: Mux) -> Result<Option<Vec<u8>>, BusError> {
+    const PATIENCE: Duration = Duration::from_millis(300);
+    let (mut client, first) = Client::upload(mux);
+    bus.send(&first.frame(node))?;
+    let mut until = bus.now() + PATIENCE;
+    while let Some(seen) = bus.recv(until)? {
+        if seen.own || seen.frame.data_id() != Some(RESPONSE_COB_ID + u16::from(node)) {
+            continue;
+        }
+        let Ok(answer) = client.decode(&seen.frame.data) else { return Ok(None) };
+        let requests = match client.step(answer) {
+            Next::Send(next, requests) => {
+                client = next;
+                requests
+            }
+            Next::Done(value, _) => return Ok(Some(value)),
+            Next::Failed(..) => return Ok(None),
+        };
+        for request in requests {
+            bus.send(&request.frame(node))?;
+        }
+        until = bus.now() + PATIENCE;
+    }
+    Ok(None)
 }

@@ -1,6 +1,7 @@
 //! The model of a target: its data sheet, what its documents add, and a first look.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use campaign::session::{Played, Script, Session};
 use campaign::{
@@ -17,6 +18,7 @@ use reports::Identity;
 use super::known::known;
 use super::stage::spared;
 use runner::dut::Dut;
+use runner::run::{Link, Policy, read_value};
 use runner::stop::Stop;
 
 use crate::exit::Refused;
@@ -48,13 +50,20 @@ impl Modelled {
         // LEDs and outputs that move are not judged well enough there to do so unasked.
         let oracle = oracle.or_else(|| on_bus.then_some(SHEET));
         let reference = reference(oracle, &dut.name, &dut.eds)?;
+        let bit_rate = dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE);
         let settings = NodeSettings {
-            bit_rate: dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE),
+            bit_rate,
             ..known.map(|device| device.description.settings.clone()).unwrap_or_default()
         };
         let mut seen = Look::default();
         let looked = stage.ask(&mut |bus| {
-            seen = look(bus, &dut.eds, dut.node)?;
+            let mut link = Link::new(bus);
+            let policy = Policy { sdo_timeout: PATIENCE, ..Policy::at_bit_rate(bit_rate) };
+            seen = look(&dut.eds, |mux| {
+                // Nobody reads it again.
+                link.take_trace();
+                read_value(&mut link, &policy, dut.node, mux)
+            })?;
             Ok(())
         });
         match looked {
@@ -70,7 +79,6 @@ impl Modelled {
                 let settings = reference.description.settings.clone();
                 reference.description.settings = seen.amend(&eds, dut.node, &settings).1;
             }
-            let bit_rate = dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE);
             let blueprint = Blueprint::of_reference(&reference, dut.node, bit_rate)?
                 .in_its_own_time(on_bus)
                 .sharing_its_bus(dut.shares_its_bus)
@@ -229,6 +237,9 @@ impl Modelled {
 
 /// What an exploration leaves out on a bus: what lasts longer than a session, and the supply.
 const ON_BUS: [Kind; 3] = [Kind::PowerCycle, Kind::Store, Kind::Restore];
+
+/// How long an answer may take before the device is asked whether it is there.
+const PATIENCE: Duration = Duration::from_millis(300);
 
 /// The oracle that knows nothing but the data sheet.
 pub(super) const SHEET: &str = "sheet";
