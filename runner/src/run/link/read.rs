@@ -96,6 +96,8 @@ mod tests {
     use super::*;
 
     const NODE: u8 = 5;
+    /// In ms, more than an answer may take, and less than makes the server give up a transfer.
+    const LATE: u64 = 400;
     const SERIAL: Mux = Mux::new(0x1018, 4);
     /// More in a row than a dead device would be asked for.
     const TEXTS: [u16; 6] = [0x1008, 0x1009, 0x100A, 0x1014, 0x1015, 0x1017];
@@ -158,7 +160,7 @@ mod tests {
     fn a_device_that_answers_anything_is_there() {
         let in_order = read(0, |_| false);
         assert!(in_order.iter().all(|value| matches!(value, Ok(Some(_)))), "{in_order:?}");
-        assert_eq!(read(1_000, |_| false), in_order);
+        assert_eq!(read(LATE, |_| false), in_order);
         let reticent = read(0, |mux| TEXTS.contains(&mux.index));
         assert_eq!(reticent[..TEXTS.len()], [const { Ok(None) }; TEXTS.len()]);
         assert_eq!(reticent[TEXTS.len()..], in_order[TEXTS.len()..]);
@@ -167,5 +169,12 @@ mod tests {
             value.as_ref().is_err_and(|why| why.to_string() == "node 5 does not answer any more")
         };
         assert!(gone.iter().all(said), "{gone:?}");
+    }
+
+    #[test]
+    fn a_late_device_says_how_long_its_values_are() {
+        let lengths = |by| asked(by, |_| false, sdo::value_length);
+        assert!(lengths(0).iter().all(|length| matches!(length, Ok(Some(1..)))));
+        assert_eq!(lengths(LATE), lengths(0));
     }
 }

@@ -110,7 +110,6 @@ pub(in crate::run) fn upload_if_there(
     node: u8,
     mux: Mux,
 ) -> Result<Option<Ended>, BusError> {
-    const TRIES: usize = 3;
     let mut policy = *policy;
     for tried in 1.. {
         let ended = upload(link, &policy, node, mux)?;
@@ -133,6 +132,9 @@ pub(in crate::run) fn upload_if_there(
     }
     Ok(None)
 }
+
+/// How often a request is sent to a server that answers others.
+const TRIES: usize = 3;
 
 /// For how long a server that does not answer a request is asked for an object that any device has:
 /// on a busy machine or bus it may be there, and late.
@@ -214,7 +216,7 @@ const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
 /// more bytes than fit into one frame.
 ///
 /// # Errors
-/// Whatever the bus reports.
+/// Whatever the bus reports, and when the tester is so late that silence proves nothing.
 pub fn value_length(
     link: &mut Link,
     policy: &Policy,
@@ -222,17 +224,27 @@ pub fn value_length(
     mux: Mux,
 ) -> Result<Option<usize>, BusError> {
     const MORE_THAN_A_FRAME: u32 = 5;
-    let (client, request) = Client::upload(mux);
-    let answer = Running::new(client, request).exchange(link, policy, node)?;
-    let answer = answer.and_then(|answer| Response::decode(&answer.data).ok());
-    let size = match answer {
-        Some(Response::Upload(_, Initiate::Expedited(data))) => return Ok(Some(data.len())),
-        Some(Response::Upload(_, Initiate::Segmented(size))) => size,
-        _ => return Ok(None),
-    };
-    link.send(&Request::Abort(mux, Abort::GENERAL).frame(node))?;
-    link.drain(policy.quiet)?;
-    Ok(Some(size.unwrap_or(MORE_THAN_A_FRAME) as usize))
+    let mut policy = *policy;
+    for _ in 0..TRIES {
+        let (client, request) = Client::upload(mux);
+        let answer = Running::new(client, request).exchange(link, &policy, node)?;
+        let size = match answer.and_then(|answer| Response::decode(&answer.data).ok()) {
+            Some(Response::Upload(of, Initiate::Expedited(data))) if of == mux => {
+                return Ok(Some(data.len()));
+            }
+            Some(Response::Upload(of, Initiate::Segmented(size))) if of == mux => size,
+            Some(Response::Abort(..)) => return Ok(None),
+            _ => {
+                let Some(took) = is_there(link, &policy, node, mux)? else { return Ok(None) };
+                policy.sdo_timeout = policy.sdo_timeout.max(took * 2);
+                continue;
+            }
+        };
+        link.send(&Request::Abort(mux, Abort::GENERAL).frame(node))?;
+        link.drain(policy.quiet)?;
+        return Ok(Some(size.unwrap_or(MORE_THAN_A_FRAME) as usize));
+    }
+    Ok(None)
 }
 
 /// Which directions of block transfer the device has, of those that are asked for: it has those
