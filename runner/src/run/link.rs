@@ -14,7 +14,7 @@ mod trace;
 mod traffic;
 mod twins;
 
-pub(super) use lateness::Lateness;
+pub(super) use lateness::{Lateness, STALL};
 pub(in crate::run) use oddities::contradiction;
 pub use oddities::oddities;
 pub(super) use patience::{Patience, proves_nothing};

@@ -469,6 +469,20 @@ fn what_a_monitor_says_while_a_frame_could_not_leave_is_undecided() {
     assert!(why.starts_with("the tester was late by 90 ms, and in 4 attempts"), "{why}");
 }
 
+/// It may have had its own share of the stall later.
+#[test]
+fn a_stall_before_a_request_leaves_says_nothing_of_what_follows() {
+    let judged = |stall| {
+        let before_segments = Duration::from_millis(stall);
+        let mut bus = Odd { before_segments, ..odd(Box::new(|_, seen| Some(seen))) };
+        let steps = "[ send: '600+n#60 00 00 00 00 00 00 00', \
+                     expect: { frame: '700+n#05', within: 50 ms } ]";
+        run(&mut bus, 1, steps).outcomes.remove(0).verdict()
+    };
+    assert_eq!(judged(90), Verdict::Fail);
+    assert_eq!(judged(120), Verdict::Error);
+}
+
 #[test]
 fn a_transfer_that_a_late_tester_lets_time_out_says_nothing() {
     let judged = |lag| {

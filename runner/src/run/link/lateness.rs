@@ -6,6 +6,10 @@ use canopen::sdo::block::{BlockRequest, BlockResponse};
 use canopen::sdo::{Initiate, REQUEST_COB_ID, RESPONSE_COB_ID, Request, Response};
 use canopen::{Frame, Stamped};
 
+/// A host that stood still for longer may have changed what the device did before the step that
+/// fails, or before what it expects comes: a node was missed, an entry was made twice.
+pub(in crate::run) const STALL: Duration = Duration::from_millis(100);
+
 /// How late the tester was on a bus where it can be. In virtual time all of it stays zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Lateness {

@@ -11,7 +11,7 @@ use canopen::{Bench, Bus, BusError, Frame, Instant, Mux, Stamped};
 use reports::Event;
 use smallvec::SmallVec;
 
-use super::lateness::{Awaited, Lateness};
+use super::lateness::{Awaited, Lateness, STALL};
 use super::silence::Silence;
 use super::traffic::Traffic;
 use super::twins::Twins;
@@ -290,8 +290,13 @@ impl<'b> Link<'b> {
             let (could, before) = (self.mark.max(self.busy), self.awaited);
             let frame = ahead.remove(0);
             self.complete(&frame)?;
+            let took = self.mark.since(could);
             if self.bus.is_real() && before.is_open() && Awaited::is_request(&frame) {
-                self.lateness.keep_waiting(self.mark.since(could));
+                self.lateness.keep_waiting(took);
+            }
+            // Unless the wire is full, only a host that stood still keeps a frame back so long.
+            if self.bus.is_real() && took > STALL {
+                self.lateness.notice(took);
             }
         }
     }

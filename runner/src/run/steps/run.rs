@@ -13,7 +13,7 @@ use super::judge::{Difference, Judgement, Trouble};
 use super::proof::Proof;
 use crate::dut::Dut;
 use crate::plan::{Binding, Scope, Wording, nmt_frame};
-use crate::run::link::{Lateness, Link};
+use crate::run::link::{Lateness, Link, STALL};
 use crate::run::policy::Policy;
 use crate::run::rest::{BenchSnapshot, first_answer};
 use crate::source::At;
@@ -64,9 +64,6 @@ const DEFAULT_SYNC_PERIOD: Duration = Duration::from_millis(10);
 const LOOKS: Duration = Duration::from_secs(1);
 /// How many times as late as the tester a device on the same host is at most.
 const SHARED: u32 = 5;
-/// A host that stood still for longer may have changed what the device did before the step that
-/// fails, or before what it expects comes: a node was missed, an entry was made twice.
-const STALL: Duration = Duration::from_millis(100);
 
 impl<'s> Steps<'s, '_> {
     /// A step begins.
