@@ -421,6 +421,10 @@ pub struct QualifyArgs {
     /// takes many times what a finding takes
     #[arg(long, value_name = "N", default_value_t = 1, requires = "fuzz")]
     pub guess_every: usize,
+    /// With --fuzz, only the mutants whose name or requirement holds one of these texts, such as
+    /// `--only TPDO,SYNC,boots-twice`
+    #[arg(long = "only", value_name = "TEXT", value_delimiter = ',', requires = "fuzz")]
+    pub mutants: Vec<String>,
     /// Fuzz each device with so many sessions instead, as it is, with each freedom, as each
     /// personality and with --mixtures of freedoms, and print what is found: nothing may be
     #[arg(long, value_name = "SESSIONS")]

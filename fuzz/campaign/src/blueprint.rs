@@ -1,6 +1,7 @@
 //! What a device is built like, as far as it is known: the data sheet, and the deviations that a
 //! document leaves to it or forbids.
 
+use std::collections::BTreeSet;
 use std::sync::{Arc, LazyLock, OnceLock};
 
 use canopen::eds::{Eds, Entry};
@@ -51,6 +52,15 @@ impl Candidate {
     }
 }
 
+/// Objects of the application that keep what they are given.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Kept {
+    /// Their addresses.
+    pub objects: BTreeSet<Mux>,
+    /// Whether an event-driven TPDO of them came with each of their new values, and once only.
+    pub announced: bool,
+}
+
 /// How models of one device are built.
 #[derive(Clone, Debug)]
 pub struct Blueprint {
@@ -76,6 +86,8 @@ pub struct Blueprint {
     surface: Option<Arc<Surface>>,
     /// Sessions in which such a device works, to be told again in other ways.
     known: Arc<[Vec<Action>]>,
+    /// Objects of the application that keep what they are given.
+    kept: Arc<Kept>,
 }
 
 impl Blueprint {
@@ -115,6 +127,7 @@ impl Blueprint {
             spared: Vec::new(),
             surface: None,
             known: Arc::default(),
+            kept: Arc::default(),
         }
     }
 
@@ -148,6 +161,22 @@ impl Blueprint {
         Self { known: known.into(), ..self }
     }
 
+    /// The same with objects of the application that keep what they are given.
+    #[must_use]
+    pub fn keeping(self, kept: Kept) -> Self {
+        Self { kept: Arc::new(kept), ..self }
+    }
+
+    /// The objects of the application that keep what they are given.
+    pub(crate) fn kept(&self) -> &Kept {
+        &self.kept
+    }
+
+    /// Whether an object of the application has the value that it was given last.
+    pub(crate) fn keeps(&self, mux: Mux) -> bool {
+        self.kept.objects.contains(&mux)
+    }
+
     /// Sessions in which such a device works.
     pub fn known(&self) -> &[Vec<Action>] {
         &self.known
@@ -161,7 +190,9 @@ impl Blueprint {
     /// The same for a device on a bus, which is in a time of its own.
     #[must_use]
     pub fn in_its_own_time(self, yes: bool) -> Self {
-        Self { in_its_own_time: yes, ..self }
+        // What an object of it has at a moment depends on its cycle.
+        let kept = if yes { Arc::default() } else { self.kept };
+        Self { in_its_own_time: yes, kept, ..self }
     }
 
     /// The same for a device whose bus has other stations.
@@ -229,6 +260,7 @@ impl Blueprint {
         self.eds() == other.eds()
             && self.settings() == other.settings()
             && self.errors == other.errors
+            && self.kept == other.kept
     }
 
     /// Whether it is known which errors the device reports, and how.

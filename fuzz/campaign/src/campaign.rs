@@ -310,10 +310,10 @@ impl<'b> Campaign<'b> {
 }
 
 impl Campaign<'_> {
-    /// The mutants of the blueprint, by their places, that would have made a difference to what was
-    /// seen, or may have.
-    pub fn dissenting(&self, seen: &[Seen]) -> Vec<usize> {
-        dissenting(self.blueprint, &self.belief, seen)
+    /// Those of the mutants of the blueprint at these places that would have made a difference to
+    /// what was seen, or may have.
+    pub fn dissenting(&self, seen: &[Seen], places: &[usize]) -> Vec<usize> {
+        dissenting(self.blueprint, &self.belief, seen, places)
     }
 
     /// Whether a mutant of the blueprint does what a finding is.

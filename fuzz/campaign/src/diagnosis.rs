@@ -5,7 +5,7 @@ use rustc_hash::FxHashMap;
 
 use crate::belief::Belief;
 use crate::blueprint::Blueprint;
-use crate::oracle::Seen;
+use crate::oracle::{Oracle, Seen};
 use crate::session::judge;
 
 /// A mutant that does what was seen.
@@ -17,6 +17,9 @@ pub struct Suspect {
     pub explains: usize,
     /// In how many of the sessions in which nothing was wrong it would have done something wrong.
     pub contradicts: usize,
+    /// How many frames it would have sent at the end of those that it explains, which were not
+    /// there yet.
+    pub owes: usize,
 }
 
 /// The mutants of a blueprint that do what was seen: those first that explain most sessions and
@@ -28,27 +31,30 @@ pub(crate) fn suspects<'s>(
     right: &[&[Seen]],
 ) -> Vec<Suspect> {
     let mut devices: FxHashMap<usize, Option<Box<dyn Replica>>> = FxHashMap::default();
-    let mut counts: FxHashMap<usize, usize> = FxHashMap::default();
+    let mut counts: FxHashMap<usize, (usize, usize)> = FxHashMap::default();
+    let all: Vec<usize> = (0..blueprint.mutants().len()).collect();
     for seen in sessions {
-        for mutant in dissenting(blueprint, belief, seen) {
+        for mutant in dissenting(blueprint, belief, seen, &all) {
             let device = devices.entry(mutant).or_insert_with(|| build(blueprint, belief, mutant));
-            if device.as_deref().is_some_and(|device| agrees(blueprint, device, seen)) {
-                *counts.entry(mutant).or_default() += 1;
+            let owed = device.as_deref().and_then(|device| owed(blueprint, device, seen));
+            if let Some(owed) = owed {
+                let (explains, owes) = counts.entry(mutant).or_default();
+                (*explains, *owes) = (*explains + 1, *owes + owed);
             }
         }
     }
-    let most = counts.values().copied().max().unwrap_or(0);
+    let most = counts.values().map(|(explains, _)| *explains).max().unwrap_or(0);
     let mut all: Vec<Suspect> = counts
         .into_iter()
-        .map(|(mutant, explains)| {
+        .map(|(mutant, (explains, owes))| {
             let device = devices[&mutant].as_deref();
             // Those that explain less come after the others anyway.
             let looked = if explains == most { right } else { &[] };
             let wrong = |seen: &&&[Seen]| device.is_some_and(|it| !agrees(blueprint, it, seen));
-            Suspect { mutant, explains, contradicts: looked.iter().filter(wrong).count() }
+            Suspect { mutant, explains, contradicts: looked.iter().filter(wrong).count(), owes }
         })
         .collect();
-    all.sort_by_key(|it| (std::cmp::Reverse(it.explains), it.contradicts, it.mutant));
+    all.sort_by_key(|it| (std::cmp::Reverse(it.explains), it.contradicts, it.owes, it.mutant));
     all
 }
 
@@ -67,17 +73,35 @@ fn build(blueprint: &Blueprint, belief: &Belief<'_>, mutant: usize) -> Option<Bo
 }
 
 fn agrees(blueprint: &Blueprint, device: &dyn Replica, seen: &[Seen]) -> bool {
-    judge(blueprint, device.replica(), seen).1.is_none()
+    owed(blueprint, device, seen).is_some()
 }
 
-/// The mutants that would have made a difference to what was seen, or may have.
-pub(crate) fn dissenting(blueprint: &Blueprint, belief: &Belief<'_>, seen: &[Seen]) -> Vec<usize> {
-    let all = blueprint.mutants().len();
-    let group = |number: usize| (number..all).step_by(GROUPS);
-    let muted = (0..GROUPS).filter_map(|it| blueprint.muted_mutants(belief.freedoms(), group(it)));
+/// How many frames a device owes at the end of what was seen; `None` where it does something else.
+/// A session ends with the first thing that is wrong, when what should follow is not yet missed.
+fn owed(blueprint: &Blueprint, device: &dyn Replica, seen: &[Seen]) -> Option<usize> {
+    if blueprint.surface().is_some() {
+        return judge(blueprint, device.replica(), seen).1.is_none().then_some(0);
+    }
+    let mut oracle = Oracle::new(blueprint, device.replica());
+    let right = seen.iter().all(|one| oracle.see(one).is_ok()) && oracle.unexplained().is_none();
+    right.then(|| oracle.debts())
+}
+
+/// Those of the mutants at these places that would have made a difference to what was seen, or may
+/// have.
+pub(crate) fn dissenting(
+    blueprint: &Blueprint,
+    belief: &Belief<'_>,
+    seen: &[Seen],
+    places: &[usize],
+) -> Vec<usize> {
+    let devices = places.len().div_ceil(TOGETHER);
+    let group = |number: usize| places.iter().skip(number).step_by(devices).copied();
+    let groups = (0..devices).map(group);
+    let muted = groups.filter_map(|it| blueprint.muted_mutants(belief.freedoms(), it));
     muted.flat_map(|muted| muted.dissenting(blueprint, seen)).collect()
 }
 
-/// How many devices hold all mutants. A closure that is muted asks those beneath it that take the
-/// same decision twice, so that few of them may be on one device; neighbours often are alike.
-const GROUPS: usize = 32;
+/// How many mutants are on one device. A closure that is muted asks those beneath it that take the
+/// same decision twice, so that few of them may be; neighbours often are alike, and are apart.
+const TOGETHER: usize = 24;

@@ -1,6 +1,7 @@
 //! Actions from bytes: the next one for a device in its present state.
 
 mod configure;
+mod cycles;
 mod lss;
 mod network;
 mod plans;
@@ -19,6 +20,7 @@ use crate::action::{Action, Kind, Then};
 use crate::blueprint::Blueprint;
 use crate::model::Model;
 use crate::talk::{Open, Talk};
+pub(crate) use values::limits;
 
 /// Draws the actions of a session.
 pub(crate) struct Draw<'a> {
@@ -156,7 +158,12 @@ impl<'a> Draw<'a> {
             swarm[8] = 0;
         }
         let numbers: Vec<u16> = (0..512).filter(|it| has_pdo(eds, *it)).collect();
-        let pdos = [(); 2].map(|()| bytes.choose(&numbers).copied().unwrap_or(0));
+        let pdos = [(); 2].map(|()| {
+            // Most devices use the first PDOs, and many mistakes are in one of them alone.
+            let numbers = &numbers[..numbers.len().min(*bytes.choose(&[1, 4, 512])?)];
+            bytes.choose(numbers).copied()
+        });
+        let pdos = pdos.map(|pdo| pdo.unwrap_or(0));
         Self {
             bytes,
             blueprint,

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use canopen::Mux;
 use canopen::eds::{Eds, Term};
+use canopen::pdo::{CobId, Mapping};
 use reference_devices::stack::NodeSettings;
 
 use crate::surface::FIRST_OF_APPLICATION;
@@ -41,6 +42,24 @@ pub fn look<E>(
 }
 
 impl Look {
+    /// The identifiers of the event-driven TPDOs that are valid and have no inhibit time, and what
+    /// they hold.
+    pub(crate) fn event_driven(&self) -> Vec<(u16, Vec<Mux>)> {
+        let number = |index, sub| {
+            let value = self.values.get(&Mux::new(index, sub))?;
+            Some(value.iter().rev().fold(0_u32, |all, byte| all << 8 | u32::from(*byte)))
+        };
+        let tpdo = |index: u16| {
+            let cob = CobId(number(index, 1)?);
+            let free = number(index, 3).unwrap_or(0) == 0 && number(index, 2)? >= 254;
+            let count = number(index + 0x200, 0)?.min(64) as u8;
+            let words = (1..=count).map(|sub| number(index + 0x200, sub));
+            let mapped = words.map(|word| Some(Mapping::decode(word?).mux));
+            (cob.valid() && free).then_some((cob.can_id(), mapped.collect::<Option<_>>()?))
+        };
+        (0x1800..=0x19FF).filter_map(tpdo).collect()
+    }
+
     /// The data sheet and the settings of a device with these values: what the application shows,
     /// texts that the data sheet leaves out, and parameters that somebody has stored.
     #[must_use]

@@ -190,6 +190,8 @@ pub struct Oracle<'b> {
     followed: BTreeSet<Mux>,
     /// Texts of the application that were written since the last reset.
     texts: BTreeSet<Mux>,
+    /// Objects of the application that keep what they are given, and that it has left alone since.
+    kept: BTreeSet<Mux>,
     /// What is known of the values of the device.
     known: Known,
     /// An object that has another value than the model, which nobody has written.
@@ -245,6 +247,7 @@ impl<'b> Oracle<'b> {
             errors: blueprint.has_errors(),
             followed: BTreeSet::new(),
             texts: BTreeSet::new(),
+            kept: blueprint.kept().objects.clone(),
             known,
             learnt: None,
         }
@@ -321,6 +324,8 @@ impl<'b> Oracle<'b> {
     /// The device may have lost what it had to send.
     fn release(&mut self) {
         self.texts.clear();
+        // What of it is stored, and where it begins, the application decides.
+        self.kept.clear();
         self.queues.release();
         self.streams.release();
         if self.blueprint.listens() {
@@ -343,6 +348,11 @@ impl<'b> Oracle<'b> {
     /// Whether the device owes anything that it does not send again and again.
     pub(crate) fn owes(&self) -> bool {
         self.queues.owe() || !self.early.is_empty() || self.held.is_some()
+    }
+
+    /// How many frames the device owes.
+    pub(crate) fn debts(&self) -> usize {
+        self.queues.owed()
     }
 
     /// Whether the device owes a frame with this identifier, or will by itself in that time.
@@ -500,6 +510,10 @@ impl<'b> Oracle<'b> {
     fn expect(&mut self, now: Instant, frame: Frame) -> Result<(), End> {
         let class = self.identifiers.class(&frame, &self.model, now, self.usually_late());
         self.answered |= matches!(class, Class::Sdo);
+        if matches!(class, Class::Emergency) {
+            // What an application does with its values because of an error is its own business.
+            self.kept.clear();
+        }
         if let Some(period) = self.period(&class, &frame) {
             let like = |early: &Early| self.is_said_by(&class, &early.frame, &frame);
             let early = self.early.iter().position(like);
@@ -519,7 +533,8 @@ impl<'b> Oracle<'b> {
             Class::Tpdo(ref tpdo) if self.is_free(tpdo) => {
                 // Before its first period is over, only the application knows whether it comes.
                 let runs = now.since(self.anew(tpdo)) >= tpdo.period;
-                let timed = !tpdo.period.is_zero() && runs;
+                // One of type 0 has no event timer: its events are those of the application.
+                let timed = tpdo.kind >= 254 && !tpdo.period.is_zero() && runs;
                 if timed { Must::Within(tpdo.period) } else { Must::Not }
             }
             Class::Emergency if self.errors || !self.blueprint.knows_emergencies() => Must::Not,
@@ -589,7 +604,10 @@ impl<'b> Oracle<'b> {
     /// Whether the application decides when a TPDO comes.
     fn is_free(&self, tpdo: &identifiers::Tpdo) -> bool {
         let mut mapped = tpdo.mapped.iter();
-        matches!(tpdo.kind, 0 | 254..) && mapped.any(|mux| self.is_volatile(*mux))
+        // Whether a value that was written is an event, the application decides as well.
+        let announced = self.blueprint.kept().announced;
+        let decides = |mux: &Mux| self.is_volatile(*mux) || self.kept.contains(mux) && !announced;
+        matches!(tpdo.kind, 0 | 254..) && mapped.any(decides)
     }
 
     /// When a TPDO began: with the last start, or when its parameters were last written.
@@ -600,7 +618,8 @@ impl<'b> Oracle<'b> {
 
     /// Whether the value of an object is compared by its length.
     fn is_volatile(&self, mux: Mux) -> bool {
-        self.blueprint.is_of_application(mux) && !self.texts.contains(&mux)
+        let kept = self.texts.contains(&mux) || self.kept.contains(&mux);
+        self.blueprint.is_of_application(mux) && !kept
             || self.known.lacks(mux)
             || match mux.index {
                 STATUS_REGISTER | HIGH_RESOLUTION | STORED_SHEET => true,
@@ -621,6 +640,9 @@ impl<'b> Oracle<'b> {
             self.boot(now, &held)?;
         }
         let class = self.identifiers.class(frame, &self.model, now, self.usually_late());
+        if matches!(class, Class::Emergency) {
+            self.kept.clear();
+        }
         if !matches!(class, Class::Sdo)
             && let Some(before) = self.open_request()
         {
@@ -651,7 +673,7 @@ impl<'b> Oracle<'b> {
         self.queues = queues;
         match found {
             Ok(expected) => {
-                self.confirm_text(frame, &expected);
+                self.confirm_kept(frame, &expected);
                 self.queues.came(frame, now);
                 self.follow(now, &class, frame, &expected)
             }
@@ -659,15 +681,16 @@ impl<'b> Oracle<'b> {
         }
     }
 
-    /// Notes a text of the application that was written to its end.
-    fn confirm_text(&mut self, frame: &Frame, expected: &Frame) {
+    /// Notes an object of the application that was written to its end, and keeps it.
+    fn confirm_kept(&mut self, frame: &Frame, expected: &Frame) {
         let node = self.blueprint.node();
         let last = self.requests[1].as_ref().filter(|request| request.is_confirmed_by(frame, node));
         let Some(mux) = last.and_then(Request::writes) else { return };
         let entry = self.blueprint.eds().entry(mux);
         let is_text = entry.is_some_and(|entry| self.blueprint.is_text(entry));
-        if is_text && frame == expected && !self.model.transfers() {
-            self.texts.insert(mux);
+        if frame == expected && !self.model.transfers() {
+            self.texts.extend(is_text.then_some(mux));
+            self.kept.extend(self.blueprint.keeps(mux).then_some(mux));
         }
     }
 
@@ -701,7 +724,10 @@ impl<'b> Oracle<'b> {
             }
             Class::Tpdo(tpdo) => {
                 let same = frame.data.len() == expected.data.len() && !frame.remote;
-                same && tpdo.mapped.iter().any(|mux| self.is_volatile(*mux))
+                let open = |mux: Mux| self.is_volatile(mux);
+                // A device in its own time may have packed its values a moment before.
+                let known = !self.blueprint.is_prompt() || tpdo.agree(frame, expected, open);
+                same && known && tpdo.mapped.iter().any(|mux| self.is_volatile(*mux))
             }
             Class::Emergency => self.errors && frame.data.get(..2) == expected.data.get(..2),
             Class::Other => {
@@ -741,6 +767,7 @@ impl<'b> Oracle<'b> {
             return self.undo(now, mux);
         }
         self.texts.remove(&mux);
+        self.kept.remove(&mux);
         self.model.follow(mux, &value);
         self.followed.insert(mux);
         Ok(())

@@ -197,6 +197,8 @@ fn mutants_are_found_and_their_requirements_are_named() {
         // Each of these needs a plan: a whole channel or fastscan.
         "third-server-unheard",
         "lss-fastscan-never-ends",
+        "lss-activation-ignored",
+        "lss-node-127-does-not-boot",
     ] {
         let mutant = mutants.iter().find(|mutant| mutant.name == name).unwrap();
         let (findings, named, _) = Subject::new(&device, &mutant.deviation()).fuzzed(200, 4);
@@ -238,6 +240,23 @@ fn a_refusal_is_of_the_object_that_was_written() {
           "then": { "answers": { "id": 1535, "count": 1 } } } ]"#;
     let device = devices::device("ax021211").unwrap();
     assert_eq!(Subject::new(&device, &Deviation::default()).end_of(text), None);
+}
+
+/// The DRR460 keeps the command to stop that it was given, and is started again after a reset,
+/// since a command is no parameter.
+#[test]
+fn what_an_application_keeps_is_known_until_a_reset() {
+    let answered = r#"{"answers": {"id": 1409, "count": 1}}"#;
+    let text = format!(
+        r#"[{{"does": "download", "frames": ["601#2F03400000000000"], "then": {answered}}},
+            {{"does": "upload", "frames": ["601#4003400000000000"], "then": {answered}}},
+            {{"does": "store", "frames": ["601#2310100173617665"], "then": {answered}}},
+            {{"does": "nmt-reset", "frames": ["000#8101"],
+              "then": {{"answers": {{"id": 1793, "count": 1}}}}}},
+            {{"does": "upload", "frames": ["601#4003400000000000"], "then": {answered}}}]"#,
+    );
+    let device = devices::device("drr460").unwrap();
+    assert_eq!(Subject::new(&device, &Deviation::default()).end_of(&text), None);
 }
 
 #[test]

@@ -9,13 +9,23 @@ use crate::action::{Action, Kind};
 
 impl Draw<'_> {
     pub(super) fn configure(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Action> {
+        // These plans were not tried on a device in its own time.
+        let whole = !self.blueprint.is_in_its_own_time();
         let mux = match kind {
             Kind::Store | Kind::Restore => return self.storage(kind, scene),
+            Kind::ConfigurePdo if whole && self.chance(20) => return self.whole_use(scene),
             Kind::ConfigurePdo => self.of_pdo(scene)?,
             Kind::ConfigureMapping if self.chance(25) => return self.whole_mapping(scene),
             Kind::ConfigureMapping => return self.of_mapping(scene),
             Kind::ConfigureErrorControl => {
                 self.one_of(scene, &[0x1017, 0x1017, 0x1016, 0x1016, 0x1016, 0x100C, 0x100D])?
+            }
+            Kind::ConfigureSync if whole && self.chance(30) => {
+                return match self.below(3) {
+                    0 => self.whole_count(scene),
+                    1 => self.whole_production(scene),
+                    _ => self.whole_window(scene),
+                };
             }
             Kind::ConfigureSync => {
                 self.one_of(scene, &[0x1005, 0x1005, 0x1006, 0x1006, 0x1007, 0x1019, 0x1012])?
@@ -85,6 +95,9 @@ impl Draw<'_> {
     }
 
     fn storage(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Action> {
+        if kind == Kind::Store && !self.blueprint.is_in_its_own_time() && self.chance(15) {
+            return self.whole_startup(scene);
+        }
         let (index, right) = match kind {
             Kind::Store => (0x1010, *b"save"),
             _ => (0x1011, *b"load"),

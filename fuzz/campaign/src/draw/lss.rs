@@ -1,4 +1,5 @@
-//! Layer setting services. The bit rate of the bus is never left, and another node id is not given.
+//! Layer setting services. The bit rate of the bus is never left, and another node id is given in
+//! virtual time only, and taken back.
 
 use canopen::lss::{
     BIT_RATES, Bound, Fastscan, Mode, Part, REQUEST_COB_ID, RESPONSE_COB_ID, Request, UNCONFIGURED,
@@ -31,6 +32,13 @@ impl Draw<'_> {
             }
             Kind::LssIdentify if self.chance(15) => return self.whole(kind),
             Kind::LssIdentify => self.identify()?,
+            // On a bus, a device that is gone or silent for long would not come back.
+            Kind::LssConfigure if !self.blueprint.is_in_its_own_time() && self.chance(12) => {
+                return match self.chance(60) {
+                    true => self.whole_activation(),
+                    false => self.whole_renaming(),
+                };
+            }
             Kind::LssConfigure => match self.below(4) {
                 0 => Request::ConfigureNodeId(self.node()),
                 1 => Request::ConfigureNodeId(self.pick(&[0, 128, 200, 254])?),
@@ -126,9 +134,14 @@ impl Draw<'_> {
         }
     }
 
-    fn bit_timing(&mut self) -> Option<Request> {
+    /// The place of the bit rate of the bus in the table.
+    pub(super) fn present_bit_rate(&self) -> Option<u8> {
         let present = Some(self.blueprint.settings().bit_rate);
-        let present = BIT_RATES.iter().position(|rate| *rate == present)? as u8;
+        BIT_RATES.iter().position(|rate| *rate == present).map(|place| place as u8)
+    }
+
+    fn bit_timing(&mut self) -> Option<Request> {
+        let present = self.present_bit_rate()?;
         let (table, index) = match self.below(4) {
             0 => (0, self.pick(&[5, 9, 255])?),
             1 => (self.pick(&[1, 255])?, 0),
@@ -139,11 +152,15 @@ impl Draw<'_> {
 
     fn wrong_lss(&mut self) -> Option<Action> {
         let right = Request::InquireNodeId.frame();
-        let frame = match self.below(5) {
+        let frame = match self.below(8) {
             0 => Frame::new(REQUEST_COB_ID, Data::new(&right.data[..self.below(8)])),
             1 => Frame { id: Id::extended(REQUEST_COB_ID.into()), ..right },
             2 => Frame::remote(REQUEST_COB_ID, 8),
-            3 => Frame::new(REQUEST_COB_ID, [self.byte() | 0x80, 0, 0, 0, 0, 0, 0, 0]),
+            3..=6 => {
+                let command = Request::Unknown([self.byte(), 0, 0, 0, 0, 0, 0, 0]).frame();
+                let unknown = matches!(Request::decode(&command.data), Ok(Request::Unknown(_)));
+                unknown.then_some(command)?
+            }
             _ => Frame::new(REQUEST_COB_ID, [0x04, 1, 0xFF, 0xFF, 0, 0, 0, 0]),
         };
         Some(Self::master(Kind::LssWrong, vec![frame]))

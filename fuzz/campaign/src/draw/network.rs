@@ -17,9 +17,13 @@ impl Draw<'_> {
         let frame = match kind {
             K::NmtReset => {
                 let service = self.pick(&[Service::RESET_NODE, Service::RESET_COMMUNICATION])?;
-                let node = if self.chance(80) { self.node() } else { 0 };
+                let mut node = if self.chance(80) { self.node() } else { 0 };
                 // A master that is started again sends what it sends more than once.
-                let times = if self.chance(6) { 2 + self.below(7) } else { 1 };
+                let mut times = 1;
+                if self.chance(6) {
+                    times += 1 + self.below(14);
+                    node = if self.chance(50) { self.node() } else { 0 };
+                }
                 let frames = vec![Command { service, node }.frame(); times];
                 self.after_a_reset();
                 return Some(Action::new(kind, frames, self.boots()));
@@ -36,7 +40,9 @@ impl Draw<'_> {
             }
             K::NmtForAnother => {
                 let services = [Service::START, Service::STOP, Service::RESET_NODE];
-                let node = self.pick(&[125, 3, 1, 127, 128, 255])?;
+                // A node id that differs in one bit is another node.
+                let near = self.node() ^ 1 << self.below(8);
+                let node = self.pick(&[125, 3, 1, 127, 128, 255, near, near])?;
                 let node = if node == self.node() { 126 } else { node };
                 Command { service: self.pick(&services)?, node }.frame()
             }
@@ -79,7 +85,10 @@ impl Draw<'_> {
             return vec![frame; 8 + self.below(32)];
         }
         match right {
-            Some(right) => [frame, right].repeat(2 + self.below(8)),
+            Some(right) => {
+                self.plan_to_read_errors();
+                [frame, right].repeat(2 + self.below(12))
+            }
             None => vec![frame],
         }
     }
@@ -115,7 +124,8 @@ impl Draw<'_> {
             }
             K::HeartbeatWrong => {
                 let id = 0x700 + u16::from(self.other(scene)?);
-                match self.below(6) {
+                match self.below(7) {
+                    6 => Frame { id: Id::extended(id.into()), ..Frame::new(id, [5]) },
                     5 => Frame::new(id, [self.byte() & 0x7F]),
                     0 => Frame::new(id, [0]),
                     1 => Frame::new(id, []),
@@ -197,7 +207,7 @@ impl Draw<'_> {
         })
     }
 
-    fn sync(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Frame> {
+    pub(super) fn sync(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Frame> {
         let id = CobId(scene.int(0x1005, 0).unwrap_or(0x80) as u32).can_id();
         let overflow = scene.int(0x1019, 0).unwrap_or(0) as u8;
         let counted = overflow > 1;

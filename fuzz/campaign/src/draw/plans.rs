@@ -1,13 +1,15 @@
 //! Actions that make sense one after the other, and are drawn at once.
 
+use canopen::Mux;
 use canopen::eds::Direction;
+use canopen::heartbeat::guarding_request;
 use canopen::lss::{Fastscan, Mode, Part, Request as Lss, UNCONFIGURED};
 use canopen::nmt::{Command, Service};
 use canopen::pdo::{CobId, Mapping};
 use canopen::sdo::Request;
-use canopen::{Data, Frame, Mux, sync};
 
 use super::configure::communication;
+use super::cycles::{RPDO_KINDS, TPDO_KINDS, Usage};
 use super::{Draw, Scene};
 use crate::action::{Action, Kind, Then};
 use crate::talk::Open;
@@ -18,8 +20,6 @@ const AS_PLANNED: u8 = 92;
 const REMEMBERED: usize = 16;
 /// The bits of a PDO.
 const ROOM: u32 = 64;
-/// Transmission types: at events, with the next SYNC, and with each.
-const KINDS: [u8; 6] = [255, 254, 255, 0, 1, 2];
 
 impl Draw<'_> {
     /// What is planned next.
@@ -30,7 +30,7 @@ impl Draw<'_> {
         self.planned.pop_front()
     }
 
-    fn plan(&mut self, action: Option<Action>) {
+    pub(super) fn plan(&mut self, action: Option<Action>) {
         let allowed = action.filter(|action| !self.blueprint.spares(action.does));
         self.planned.extend(allowed);
     }
@@ -59,6 +59,40 @@ impl Draw<'_> {
             let read = read.map(|request| self.asks(Kind::Upload, request));
             self.plan(read);
         }
+    }
+
+    /// Errors that came and went are read, the number of those that are remembered first.
+    pub(super) fn plan_to_read_errors(&mut self) {
+        if self.blueprint.judges_errors() {
+            for sub in [0, 1 + self.below(9) as u8] {
+                let read = self.asks(Kind::Upload, Request::Upload(Mux::new(0x1003, sub)));
+                self.plan(Some(read));
+            }
+        }
+    }
+
+    /// The configuration is signed, changed, and the signature is read.
+    pub(super) fn whole_signature(&mut self, scene: Scene<'_>) -> Option<Action> {
+        let signature = [1, 2].map(|sub| Mux::new(0x1020, sub));
+        for mux in signature {
+            scene.od.entry(mux).filter(|entry| entry.access.writable())?;
+            let value = 1 + u32::from(self.byte());
+            let write = self.writes(Kind::Download, mux, &value.to_le_bytes());
+            self.plan(write);
+        }
+        let change = self.pick(&[
+            Kind::ConfigurePdo,
+            Kind::ConfigureErrorControl,
+            Kind::ConfigureErrors,
+            Kind::Download,
+        ])?;
+        let change = self.action(change, scene);
+        self.plan(change);
+        for mux in signature {
+            let read = self.asks(Kind::Upload, Request::Upload(mux));
+            self.plan(Some(read));
+        }
+        self.planned.pop_front()
     }
 
     /// What was stored is looked at after a reset.
@@ -103,16 +137,7 @@ impl Draw<'_> {
         let none = self.writes(kind, Mux::new(mapping, 0), &[0]);
         self.plan(none);
         let places = scene.od.entries_in(mapping..=mapping).len().saturating_sub(1).min(64);
-        let (most, mut entries, mut bits) = (1 + self.below(places), Vec::new(), 0);
-        for _ in 0..most {
-            let entry = self.object_to_map(direction)?;
-            let entry = if self.chance(12) { self.gap() } else { entry };
-            if bits + u32::from(entry.bits) > ROOM {
-                continue;
-            }
-            bits += u32::from(entry.bits);
-            entries.push(entry);
-        }
+        let entries = self.entries_to_map(direction, places)?;
         for (place, entry) in entries.iter().enumerate() {
             let to = Mux::new(mapping, 1 + place as u8);
             let write = self.writes(kind, to, &entry.encode().to_le_bytes());
@@ -121,41 +146,46 @@ impl Draw<'_> {
         let count = self.writes(kind, Mux::new(mapping, 0), &[entries.len() as u8]);
         self.plan(count);
         if self.chance(60) {
-            let value = self.pick(&KINDS)?;
+            let kinds: &[u8] = match direction {
+                Direction::Receive => &RPDO_KINDS,
+                Direction::Transmit => &TPDO_KINDS,
+            };
+            let value = self.pick(kinds)?;
             let write = self.writes(Kind::ConfigurePdo, Mux::new(index, 2), &[value]);
             self.plan(write);
         }
-        let on = self.writes(kind, cob, &(present & !CobId::INVALID).to_le_bytes());
+        let present = present & !CobId::INVALID;
+        let on = self.writes(kind, cob, &present.to_le_bytes());
         self.plan(on);
-        let bytes = bits.div_ceil(8).min(8) as usize;
-        self.plan_to_use(CobId(present).can_id(), direction, &entries, bytes);
+        self.plan_to_use(&Usage { direction, index, cob: present, entries }, scene);
         self.planned.pop_front()
     }
 
-    /// A PDO that was mapped is used.
-    fn plan_to_use(&mut self, id: u16, direction: Direction, entries: &[Mapping], bytes: usize) {
-        let after = |does, frame| Some(Action::new(does, vec![frame], Then::Wait(1_500)));
-        if self.chance(70) {
-            let command = Command { service: Service::START, node: self.node() };
-            self.plan(after(Kind::NmtState, command.frame()));
-        }
-        for _ in 0..=self.below(3) {
-            match direction {
-                Direction::Receive => {
-                    let data = [(); 8].map(|()| self.byte());
-                    let frame = Frame::new(id, Data::new(&data[..bytes]));
-                    self.plan(after(Kind::Rpdo, frame));
-                }
-                Direction::Transmit => {
-                    self.plan(after(Kind::Sync, Frame::new(sync::COB_ID, [])));
-                }
+    /// Entries of a mapping that fit: often one alone, or as many as there is room for.
+    fn entries_to_map(&mut self, direction: Direction, places: usize) -> Option<Vec<Mapping>> {
+        let most = match self.below(5) {
+            0 => 1,
+            1 | 2 => places,
+            _ => 1 + self.below(places),
+        };
+        let (mut entries, mut left) = (Vec::new(), ROOM);
+        let (full, small) = (most == places, self.chance(40));
+        for _ in 0..3 * most {
+            let Some(more) = (most - entries.len()).checked_sub(1) else { break };
+            let entry = self.object_to_map(direction)?;
+            let entry = if self.chance(8) { self.gap() } else { entry };
+            // As many as there are places for are small ones.
+            let room = match full {
+                _ if small => 8,
+                true => (left / (more as u32 + 1)).max(8),
+                false => left,
+            };
+            if u32::from(entry.bits) <= room.min(left) {
+                left -= u32::from(entry.bits);
+                entries.push(entry);
             }
-            let place = self.below(entries.len());
-            if let Some(entry) = entries.get(place).filter(|_| self.chance(40)) {
-                let read = self.asks(Kind::Upload, Request::Upload(entry.mux));
-                self.plan(Some(read));
-            }
         }
+        Some(entries)
     }
 
     /// A device without node id, and the whole of a fastscan, mostly with one step that is odd.
@@ -206,6 +236,74 @@ impl Draw<'_> {
             scene.od.entry(mux).filter(|entry| entry.access.writable())?;
             let write = self.writes(Kind::ConfigureChannel, mux, &u32::from(id).to_le_bytes());
             self.plan(write);
+        }
+        self.planned.pop_front()
+    }
+
+    /// The device is to start by itself or not, also after a reset, and is asked for its state.
+    pub(super) fn whole_startup(&mut self, scene: Scene<'_>) -> Option<Action> {
+        let startup = Mux::new(0x1F80, 0);
+        scene.od.entry(startup).filter(|entry| entry.access.writable())?;
+        let value = self.pick(&[0, 2, 4, 8, 8, 12])?;
+        let write = self.writes(Kind::ConfigureErrors, startup, &u32::to_le_bytes(value));
+        self.plan(write);
+        let save = self.writes(Kind::Store, Mux::new(0x1010, 1), b"save");
+        self.plan(save);
+        for _ in 0..=self.below(2) {
+            let kind = if self.chance(30) { Kind::PowerCycle } else { Kind::NmtReset };
+            let reset = self.action(kind, scene);
+            self.plan(reset);
+            let guarding = vec![guarding_request(self.node())];
+            self.plan(Some(Action::new(Kind::Guarding, guarding, Then::Wait(5_000))));
+        }
+        self.planned.pop_front()
+    }
+
+    /// The bit rate of the bus is switched to again: the device is silent for a time, and back.
+    pub(super) fn whole_activation(&mut self) -> Option<Action> {
+        let master = |kind, request: Lss| Some(Self::master(kind, vec![request.frame()]));
+        self.plan(master(Kind::LssSwitch, Lss::SwitchGlobal(Mode::CONFIGURATION)));
+        if self.chance(85) {
+            let index = self.present_bit_rate()?;
+            let timing = Lss::ConfigureBitTiming { table: 0, index };
+            self.plan(master(Kind::LssConfigure, timing));
+        }
+        let delay: u16 = self.pick(&[1, 5, 20, 100, 255, 300, 1_000, 40_000])?;
+        let (frame, half) = (Lss::ActivateBitTiming(delay).frame(), u64::from(delay) * 500);
+        self.plan(Some(Action::new(Kind::LssConfigure, vec![frame], Then::Wait(half))));
+        // Before the change, after it, and when the device is back.
+        for _ in 0..3 {
+            let asks = match self.chance(70) {
+                true => Lss::InquireNodeId.frame(),
+                false => guarding_request(self.node()),
+            };
+            self.plan(Some(Action::new(Kind::LssInquire, vec![asks], Then::Wait(2 * half))));
+        }
+        self.planned.pop_front()
+    }
+
+    /// The device gets another node id, boots with it, and gets its own one again.
+    pub(super) fn whole_renaming(&mut self) -> Option<Action> {
+        let other = self.pick(&[125, 127, 127, 1, 126])?;
+        for (from, to) in [(self.node(), other), (other, self.node())] {
+            let requests = [
+                (Kind::LssSwitch, Lss::SwitchGlobal(Mode::CONFIGURATION)),
+                (Kind::LssConfigure, Lss::ConfigureNodeId(to)),
+                (Kind::LssSwitch, Lss::SwitchGlobal(Mode::WAITING)),
+            ];
+            for (kind, request) in requests {
+                self.plan(Some(Self::master(kind, vec![request.frame()])));
+            }
+            let reset = Command { service: Service::RESET_COMMUNICATION, node: from };
+            let then = Then::Wait(100_000);
+            self.plan(Some(Action::new(Kind::NmtReset, vec![reset.frame()], then)));
+            for _ in 0..self.below(3) {
+                let asks = match self.chance(50) {
+                    true => Request::Upload(Mux::new(0x1018, 1)).frame(to),
+                    false => guarding_request(to),
+                };
+                self.plan(Some(Action::new(Kind::SdoForAnother, vec![asks], Then::Wait(2_000))));
+            }
         }
         self.planned.pop_front()
     }

@@ -31,6 +31,14 @@ impl Draw<'_> {
     pub(super) fn sdo(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Action> {
         use Kind as K;
         match kind {
+            // A device in its own time gets one request after the other.
+            K::Upload if !self.blueprint.is_in_its_own_time() && self.chance(2) => {
+                let other = self.readable_object(scene)?;
+                let mux = self.pick(&[Mux::new(0x1000, 0), Mux::new(0x1018, 1), other])?;
+                let times = self.pick(&[8, 16, 64])?;
+                let request = Request::Upload(mux).frame(self.node());
+                Some(self.sends(kind, vec![request; times.into()], times))
+            }
             K::Upload => {
                 let mux = self.long_or_any(scene, 10)?;
                 Some(self.asks(kind, Request::Upload(mux)))
@@ -179,6 +187,9 @@ impl Draw<'_> {
             && let Some((mux, text)) = self.text(scene, &[1, 2, 3, 4])
         {
             return self.writes(kind, mux, &text);
+        }
+        if kind == Kind::Download && self.chance(3) {
+            return self.whole_signature(scene);
         }
         let entry = self.writable_object(scene)?;
         let value = self.value(entry, scene)?;
@@ -362,7 +373,7 @@ impl Draw<'_> {
             Talk::Receiving { last, .. } => *last,
             _ => 0,
         };
-        let size = self.pick(&[127, 127, 127, 1, 2, 4, 21])?;
+        let size = self.pick(&[127, 127, 127, 1, 2, 3, 4, 21])?;
         let mut ack = BlockAck { last_good: last, size };
         if kind == Kind::BlockAckWrong {
             match self.below(4) {
@@ -391,7 +402,12 @@ impl Draw<'_> {
             3 => Frame { id: Id::extended(u32::from(id)), ..upload },
             4 => Frame::remote(id, 8),
             5 => {
-                bytes[0] |= self.pick(&[0x01, 0x04, 0x10])?;
+                // Reserved bits of an upload, and of the beginning of a block download.
+                let block = [0xCE, 0xD6, 0xDE, 0xDA];
+                bytes[0] = match self.chance(50) {
+                    true => bytes[0] | self.pick(&[0x01, 0x04, 0x10])?,
+                    false => self.pick(&block)?,
+                };
                 Frame::new(id, bytes)
             }
             6 => {

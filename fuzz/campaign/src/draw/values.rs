@@ -101,12 +101,12 @@ impl Draw<'_> {
         Some(number.to_le_bytes()[..size.min(8)].to_vec())
     }
 
-    /// Process data may have any value; everything else keeps the value that it has, since nobody
-    /// knows what another one does.
+    /// What is received may have any value, and what keeps it; everything else keeps the value that
+    /// it has, since nobody knows what another one does.
     fn value_of_application(&mut self, entry: &Entry, scene: Scene<'_>) -> Option<Vec<u8>> {
         let present = scene.od.get(entry.mux)?.to_vec();
-        let received = entry.maps_into(Direction::Receive);
-        if !received || !entry.data_type.is_integer() || self.chance(30) {
+        let free = entry.maps_into(Direction::Receive) || self.blueprint.keeps(entry.mux);
+        if !free || !entry.data_type.is_integer() || self.chance(30) {
             return Some(present);
         }
         let (low, high) = limits(entry, self.node())?;
@@ -220,10 +220,12 @@ impl Draw<'_> {
     pub(super) fn object_to_map(&mut self, direction: Direction) -> Option<Mapping> {
         let fits = |it: &&Entry| it.maps_into(direction) && it.data_type.size().is_some();
         let mut entries: Vec<&Entry> = self.blueprint.eds().entries().filter(fits).collect();
-        // What a PDO says of the communication, and when, is known.
-        let known = |entry: &&Entry| !self.blueprint.is_of_application(entry.mux);
-        if direction == Direction::Transmit && entries.iter().any(known) && self.chance(25) {
-            entries.retain(|entry| !self.blueprint.is_of_application(entry.mux));
+        // What a PDO says of the communication, and when, is known, and so is what keeps its value.
+        let blueprint = self.blueprint;
+        let known = |it: &&Entry| !blueprint.is_of_application(it.mux) || blueprint.keeps(it.mux);
+        let percent = if direction == Direction::Transmit { 45 } else { 70 };
+        if entries.iter().any(known) && self.chance(percent) {
+            entries.retain(known);
         }
         let entry = *entries.get(self.below(entries.len()))?;
         let bits = match entry.data_type {
@@ -251,7 +253,7 @@ impl Draw<'_> {
 }
 
 /// The lowest and the highest value of an entry.
-pub(super) fn limits(entry: &Entry, node: u8) -> Option<(i128, i128)> {
+pub(crate) fn limits(entry: &Entry, node: u8) -> Option<(i128, i128)> {
     let (lowest, highest) = entry.data_type.limits()?;
     let bound = |term: &Option<canopen::eds::Term>| term.as_ref()?.resolve(node).as_int();
     Some((bound(&entry.low).unwrap_or(lowest), bound(&entry.high).unwrap_or(highest)))

@@ -69,8 +69,13 @@ impl Queues {
 
     /// Whether any frame must come.
     pub(super) fn owe(&self) -> bool {
-        let mut all = self.of_ids.iter().flat_map(|queue| &queue.expected);
-        all.any(|expected| expected.must == Must::Come)
+        self.owed() > 0
+    }
+
+    /// How many frames must come.
+    pub(super) fn owed(&self) -> usize {
+        let all = self.of_ids.iter().flat_map(|queue| &queue.expected);
+        all.filter(|expected| expected.must == Must::Come).count()
     }
 
     /// The device must send this frame.

@@ -31,6 +31,8 @@ pub(super) struct Tpdo {
     pub(super) inhibit: Duration,
     pub(super) period: Duration,
     pub(super) mapped: Vec<Mux>,
+    /// How many bits each of them takes.
+    bits: Vec<u8>,
     /// The length of its frames.
     pub(super) bytes: usize,
 }
@@ -136,7 +138,25 @@ impl Tpdo {
             inhibit: Duration::from_micros(100) * parameter(3) as u32,
             period: Duration::from_millis(parameter(5) as u64),
             mapped: entries.iter().map(|entry| entry.mux).collect(),
+            bits: entries.iter().map(|entry| entry.bits).collect(),
             bytes: bits.div_ceil(8).min(8) as usize,
+        })
+    }
+
+    /// Whether two frames have the same values, but for the objects that are `open`; also where
+    /// they are none of this mapping.
+    pub(super) fn agree(&self, one: &Frame, other: &Frame, open: impl Fn(Mux) -> bool) -> bool {
+        let all: u32 = self.bits.iter().map(|bits| u32::from(*bits)).sum();
+        if all > u64::BITS || one.data.len() != self.bytes || other.data.len() != self.bytes {
+            return true;
+        }
+        let [one, other] = [one, other].map(|it| u64::from_le_bytes(it.data.padded()));
+        let mut differs = one ^ other;
+        self.mapped.iter().zip(&self.bits).all(|(mux, bits)| {
+            let mask = u64::MAX.checked_shr(u64::BITS - u32::from(*bits)).unwrap_or(0);
+            let same = differs & mask == 0;
+            differs = differs.checked_shr(u32::from(*bits)).unwrap_or(0);
+            same || open(*mux)
         })
     }
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use campaign::{Blueprint, Look, Stage, look};
+use campaign::{Blueprint, Kept, Look, Stage, kept, look};
 use canopen::sdo::{Client, Next, RESPONSE_COB_ID};
 use canopen::{Bus, BusError, Mux, eds};
 use reference_devices::change::Deviation;
@@ -24,9 +24,16 @@ pub(crate) fn blueprint(
             Ok(())
         })
         .unwrap();
+    let mut keeps = Kept::default();
+    // One that falls silent keeps nothing.
+    _ = stage.ask(&mut |bus| {
+        keeps = kept(bus, eds, node, &seen)?;
+        Ok(())
+    });
     let (eds, settings) = seen.amend(eds, node, &device.description.settings);
     let blueprint = Blueprint::of_sheet(eds, node, settings).unwrap();
-    blueprint.with_freedoms(freedom::of(device).unwrap()).with_errors(seen.errors)
+    let blueprint = blueprint.with_freedoms(freedom::of(device).unwrap());
+    blueprint.with_errors(seen.errors).keeping(keeps)
 }
 
 /// The value of an object, which a simulated device gives at once.

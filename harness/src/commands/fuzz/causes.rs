@@ -42,7 +42,7 @@ pub(in crate::commands) fn group(
         if explained.is_empty() {
             break;
         }
-        let order = |it: &Suspect| (it.explains, it.contradicts);
+        let order = |it: &Suspect| (it.explains, it.contradicts, it.owes);
         let likeliest = suspects.iter().filter(|it| order(it) == order(&suspects[0])).count();
         let mutants: Vec<usize> = suspects.iter().map(|suspect| suspect.mutant).collect();
         let mut says = BTreeMap::new();

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use campaign::session::{Played, Script, Session};
 use campaign::{
-    Action, Belief, Blueprint, Campaign, End, Finding, Judged, Kind, Look, Stage, VirtualDevice,
-    look, shrink,
+    Action, Belief, Blueprint, Campaign, End, Finding, Judged, Kept, Kind, Look, Stage,
+    VirtualDevice, kept, look, shrink,
 };
 use canopen::eds::Eds;
 use canopen::{BusError, Mux};
@@ -85,10 +85,19 @@ impl Modelled {
                 .sparing(if on_bus { ON_BUS.to_vec() } else { Vec::new() });
             return Ok(Self { blueprint, identity });
         }
+        let mut keeps = Kept::default();
+        if !on_bus {
+            // A device that does not answer keeps nothing that could be judged.
+            _ = stage.ask(&mut |bus| {
+                keeps = kept(bus, &dut.eds, dut.node, &seen)?;
+                Ok(())
+            });
+        }
         let (eds, settings) = seen.amend(&dut.eds, dut.node, &settings);
         let own = known.map(freedom::of).transpose()?.unwrap_or_default();
         let blueprint = Blueprint::of_sheet(eds, dut.node, settings)?.with_freedoms(own);
         let blueprint = blueprint
+            .keeping(keeps)
             .with_errors(seen.errors)
             .with_unknown_emergencies(known.is_none())
             .in_its_own_time(on_bus)

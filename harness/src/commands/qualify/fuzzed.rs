@@ -26,10 +26,32 @@ struct Fuzzed {
     /// Whether one of the first two guesses is a requirement that it breaks; `None` where nothing
     /// was found, or no guess was made.
     named: Option<bool>,
+    /// The requirements that were guessed, the likeliest first.
+    guesses: Vec<String>,
     /// How many actions show the first finding.
     actions: Option<usize>,
     /// What the device was taken for where nothing was found: freedoms that do the same.
     taken_for: Vec<String>,
+    /// The freedoms beside those that the campaign has learnt, where nothing was found.
+    learnt: Vec<String>,
+    /// In how many sessions it may make a difference, where that is known.
+    differs: Option<usize>,
+}
+
+impl Fuzzed {
+    /// Why nothing was found, as far as it is known.
+    fn why_not(&self) -> String {
+        let drawn = match self.differs {
+            Some(0) => ", never drawn".to_owned(),
+            Some(count) => format!(", may make a difference in {}", counted(count, "session")),
+            None => String::new(),
+        };
+        let learnt = match self.learnt.is_empty() {
+            true => String::new(),
+            false => format!(", learnt {}", self.learnt.join(" and ")),
+        };
+        format!("not found{drawn}{learnt}")
+    }
 }
 
 /// How many sessions in which something is wrong lead to a guess.
@@ -51,6 +73,7 @@ pub(super) fn run(args: &QualifyArgs, sessions: u64) -> Result<Exit, Refused> {
     let explores = modelled.blueprint.surface().is_some();
     let known = modelled.knowing(&args.folders, &target.dut, &Stop::default())?;
     mutants.retain(|mutant| mutant.shared != explores && !mutant.canary);
+    mutants.retain(|mutant| is_wanted(mutant, &args.mutants));
     let why_left_out = |mutant: &Mutant| match explores {
         true => mutant.is_of_data_sheet().then_some(OF_DATA_SHEET),
         false => why_left_out(mutant, target.dut.node),
@@ -59,7 +82,7 @@ pub(super) fn run(args: &QualifyArgs, sessions: u64) -> Result<Exit, Refused> {
         mutants.into_iter().partition(|mutant| why_left_out(mutant).is_none());
     let differences = match explores {
         true => None,
-        false => Some(Differences::of(&target, &known, args.seed, sessions)?),
+        false => Some(Differences::of(&target, &known, &mutants, args.seed, sessions)?),
     };
     let trials = Trials { device: &target, like: &known, differences, seed: args.seed, sessions };
     let mutants = mutants.into_iter().enumerate().collect();
@@ -70,6 +93,14 @@ pub(super) fn run(args: &QualifyArgs, sessions: u64) -> Result<Exit, Refused> {
     let left_out = left_out.iter().filter_map(|mutant| Some((why_left_out(mutant)?, mutant)));
     say(&(table(&fuzzed, args.verbose) + &rest(left_out, args.verbose)));
     Ok(Exit::Green)
+}
+
+/// Whether a mutant is one of those that were asked for; all of them when none was.
+fn is_wanted(mutant: &Mutant, only: &[String]) -> bool {
+    let holds = |text: &String| {
+        mutant.name.contains(text) || mutant.breaks.first().is_some_and(|it| it.contains(text))
+    };
+    only.is_empty() || only.iter().any(holds)
 }
 
 /// Why a mutant is none that messages and states of the stack show, by the way it is made; `None`
@@ -147,8 +178,17 @@ struct Differences {
 }
 
 impl Differences {
-    fn of(target: &Target, known: &Modelled, seed: u64, sessions: u64) -> Result<Self, Refused> {
+    fn of(
+        target: &Target,
+        known: &Modelled,
+        mutants: &[Mutant],
+        seed: u64,
+        sessions: u64,
+    ) -> Result<Self, Refused> {
         let blueprint = known.blueprint.clone();
+        let all = blueprint.mutants().iter().enumerate();
+        let places = all.filter(|(_, one)| mutants.iter().any(|other| other.name == one.name));
+        let places: Vec<usize> = places.map(|(place, _)| place).collect();
         let numbers: Vec<u64> = (0..sessions).collect();
         let dissenting = parallel::map(numbers, processors(), |number| {
             let belief = Belief::new(&blueprint, Vec::new());
@@ -156,7 +196,7 @@ impl Differences {
             let campaign = Campaign::new(&blueprint, belief, seed);
             let played = campaign.play(&mut stage::simulated(target)?, number);
             let seen = played.map_err(|error| Refused::bus(error.to_string()))?.seen;
-            Ok(campaign.dissenting(&seen))
+            Ok(campaign.dissenting(&seen, &places))
         });
         let dissenting = dissenting.into_iter().collect::<Result<_, Refused>>()?;
         Ok(Self { blueprint, dissenting })
@@ -165,6 +205,11 @@ impl Differences {
     /// Whether a session may go otherwise with a mutant.
     fn differs(&self, number: u64, mutant: Option<usize>) -> bool {
         mutant.is_none_or(|mutant| self.dissenting[number as usize].contains(&mutant))
+    }
+
+    /// In how many sessions a mutant may make a difference.
+    fn count(&self, mutant: usize) -> usize {
+        self.dissenting.iter().filter(|mutants| mutants.contains(&mutant)).count()
     }
 }
 
@@ -185,26 +230,43 @@ impl Trials<'_> {
         let target = self.device.deviating(mutant.deviation())?;
         let mut stage = stage::simulated(&target)?;
         let explores = self.differences.is_none();
-        let modelled = match explores {
+        let mut modelled = match explores {
             // The reference device is the model, whatever the device says of itself.
             true => self.like.clone(),
             false => Modelled::of(&target, &mut stage, None)?,
         };
+        if modelled.blueprint.is_like(&self.like.blueprint) {
+            // What one of them has found out of its deviations, all know.
+            modelled.blueprint = self.like.blueprint.clone();
+        }
         let blueprint = &modelled.blueprint;
         let mut campaign = Campaign::new(blueprint, modelled.belief()?, self.seed);
         let most = if explores || !guesses { 1 } else { FINDINGS };
         let place = blueprint.mutants().iter().position(|other| other.name == mutant.name);
         let known = self.differences.as_ref();
         let known = known.filter(|known| blueprint.is_like(&known.blueprint));
-        let differs = |number| known.is_none_or(|known| known.differs(number, place));
-        let mut findings = self.findings(&mut campaign, &mut stage, differs, most)?;
+        let differs = known.and_then(|known| Some(known.count(place?)));
+        let may = |number| known.is_none_or(|known| known.differs(number, place));
+        let mut findings = self.findings(&mut campaign, &mut stage, may, most)?;
         let first = findings.first().map(|finding| finding.number);
         let allows = |clause: &String| explores || mutant.breaks.contains(clause);
-        let learnt = campaign.belief().freedoms();
-        let learnt = learnt.filter(|freedom| first.is_none() && freedom.clauses.iter().any(allows));
-        let taken_for = learnt.map(|freedom| freedom.name.clone()).collect();
+        let learnt = campaign.belief().freedoms().filter(|_| first.is_none());
+        let (taken_for, learnt): (Vec<_>, Vec<_>) =
+            learnt.partition(|freedom| freedom.clauses.iter().any(allows));
+        let [taken_for, learnt] =
+            [taken_for, learnt].map(|all| all.iter().map(|it| it.name.clone()).collect());
         if !guesses || findings.is_empty() {
-            return Ok(Fuzzed { mutant, first, named: None, actions: None, taken_for });
+            let (named, guesses, actions) = (None, Vec::new(), None);
+            return Ok(Fuzzed {
+                mutant,
+                first,
+                named,
+                guesses,
+                actions,
+                taken_for,
+                learnt,
+                differs,
+            });
         }
         // Mutants are held against the whole of a session, and that of an exploration is long.
         for finding in findings.iter_mut().filter(|_| explores) {
@@ -213,18 +275,14 @@ impl Trials<'_> {
         let suspects = campaign.suspects(&findings.iter().collect::<Vec<_>>());
         let likeliest = suspects.first().map(|suspect| &suspect.mutant);
         let short = modelled.shortest(&campaign, &mut stage, likeliest, &findings[0]);
-        let mut guesses: Vec<&str> = Vec::new();
+        let mut guesses: Vec<String> = Vec::new();
         for suspect in suspects {
             let clauses = &blueprint.mutants()[suspect.mutant].clauses;
-            let guess = clauses.first().map_or("", String::as_str);
-            if !guesses.contains(&guess) {
-                guesses.push(guess);
-            }
+            guesses.extend(clauses.first().filter(|guess| !guesses.contains(guess)).cloned());
         }
-        let breaks = |guess: &&str| mutant.breaks.iter().any(|broken| broken == guess);
-        let named = Some(guesses.iter().take(GUESSES).any(breaks));
+        let named = Some(guesses.iter().take(GUESSES).any(|guess| mutant.breaks.contains(guess)));
         let actions = Some(short.session.actions.len());
-        Ok(Fuzzed { mutant, first, named, actions, taken_for })
+        Ok(Fuzzed { mutant, first, named, guesses, actions, taken_for, learnt, differs })
     }
 
     /// The first findings of a campaign, up to `most`, in sessions that may differ.
@@ -278,13 +336,18 @@ fn table(all: &[Fuzzed], verbose: bool) -> String {
         if verbose {
             let found = match one.first {
                 Some(number) => format!("found in session {number}"),
-                None if one.taken_for.is_empty() => "not found".to_owned(),
+                None if one.taken_for.is_empty() => one.why_not(),
                 None => format!("taken for {}", one.taken_for.join(" and ")),
             };
             let named = match one.named {
-                Some(true) => ", named",
-                Some(false) => ", not named",
-                None => "",
+                Some(true) => ", named".to_owned(),
+                Some(false) if one.guesses.is_empty() => ", no guess".to_owned(),
+                Some(false) => {
+                    let guesses: Vec<&str> =
+                        one.guesses.iter().take(GUESSES).map(String::as_str).collect();
+                    format!(", taken for {}", guesses.join(" or "))
+                }
+                None => String::new(),
             };
             // Writing to a string cannot fail.
             _ = writeln!(text, "  {}: {found}{named} ({first})", one.mutant.name);

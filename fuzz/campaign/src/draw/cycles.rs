@@ -1,0 +1,289 @@
+//! Plans about process data: PDOs as they are used, with the cycles of SYNC.
+
+use canopen::eds::Direction;
+use canopen::nmt::{Command, Service};
+use canopen::pdo::{CobId, Mapping};
+use canopen::sdo::Request;
+use canopen::{Data, Frame, Mux};
+
+use super::configure::communication;
+use super::{Draw, Scene};
+use crate::action::{Action, Kind, Then};
+
+/// A PDO that is used.
+pub(super) struct Usage {
+    pub(super) direction: Direction,
+    /// The object with its communication parameters.
+    pub(super) index: u16,
+    /// Its COB-ID while it is valid.
+    pub(super) cob: u32,
+    pub(super) entries: Vec<Mapping>,
+}
+
+/// Transmission types: at events, with the next SYNC, with each, and on request.
+pub(super) const RPDO_KINDS: [u8; 8] = [255, 254, 0, 1, 1, 1, 2, 240];
+pub(super) const TPDO_KINDS: [u8; 10] = [255, 254, 255, 0, 1, 1, 2, 3, 252, 253];
+/// The producer of SYNC is switched on.
+const PRODUCES: u32 = 1 << 30;
+const SYNC: Mux = Mux::new(0x1005, 0);
+const PERIOD: Mux = Mux::new(0x1006, 0);
+const WINDOW: Mux = Mux::new(0x1007, 0);
+const OVERFLOW: Mux = Mux::new(0x1019, 0);
+/// A pause in microseconds in which everything is done that is done at once.
+const PAUSE: u64 = 1_500;
+
+impl Usage {
+    /// The length of its frames.
+    fn bytes(&self) -> usize {
+        let bits: u32 = self.entries.iter().map(|entry| u32::from(entry.bits)).sum();
+        bits.div_ceil(8).min(8) as usize
+    }
+}
+
+impl Draw<'_> {
+    fn passes(&mut self, does: Kind, frames: Vec<Frame>, micros: u64) {
+        self.plan(Some(Action::new(does, frames, Then::Wait(micros))));
+    }
+
+    pub(super) fn plan_state(&mut self, service: Service) {
+        let command = Command { service, node: self.node() };
+        self.passes(Kind::NmtState, vec![command.frame()], PAUSE);
+    }
+
+    fn plan_write(&mut self, kind: Kind, mux: Mux, value: &[u8]) {
+        let write = self.writes(kind, mux, value);
+        self.plan(write);
+    }
+
+    /// Parameters of a PDO that is switched off for them, by their sub-indices.
+    fn plan_parameters(&mut self, index: u16, cob: u32, parameters: &[(u8, u8)]) {
+        let kind = Kind::ConfigurePdo;
+        let switch = Mux::new(index, 1);
+        self.plan_write(kind, switch, &(cob | CobId::INVALID).to_le_bytes());
+        for (sub, value) in parameters {
+            self.plan_write(kind, Mux::new(index, *sub), &[*value]);
+        }
+        self.plan_write(kind, switch, &(cob & !CobId::INVALID).to_le_bytes());
+    }
+
+    /// A PDO as it is mapped, with another transmission type.
+    pub(super) fn whole_use(&mut self, scene: Scene<'_>) -> Option<Action> {
+        let (pdo, direction) = self.a_pdo();
+        let usage = usage(communication(direction) + pdo, direction, scene)?;
+        let (kinds, switches): (&[u8], u32) = match direction {
+            Direction::Receive => (&RPDO_KINDS, 0),
+            // Bit 30 says that the TPDO is not sent on request.
+            Direction::Transmit => (&TPDO_KINDS, if self.chance(30) { PRODUCES } else { 0 }),
+        };
+        let kind = self.pick(kinds)?;
+        let usage = Usage { cob: usage.cob ^ switches, ..usage };
+        self.plan_times(&usage, scene);
+        self.plan_parameters(usage.index, usage.cob, &[(2, kind)]);
+        self.plan_to_use(&usage, scene);
+        self.planned.pop_front()
+    }
+
+    /// The times of a TPDO, at times: what happens within them, plans come to by themselves.
+    fn plan_times(&mut self, usage: &Usage, scene: Scene<'_>) {
+        if usage.direction == Direction::Receive || !self.chance(45) {
+            return;
+        }
+        // The inhibit time counts 100 microseconds, and the event timer milliseconds.
+        for (sub, times) in [(3, [0_u16, 50, 100, 500]), (5, [0, 5, 20, 50])] {
+            let mux = Mux::new(usage.index, sub);
+            if let Some(time) = self.pick(&times).filter(|_| scene.od.entry(mux).is_some()) {
+                self.plan_write(Kind::ConfigurePdo, mux, &time.to_le_bytes());
+            }
+        }
+    }
+
+    /// A PDO that was mapped or configured is used.
+    pub(super) fn plan_to_use(&mut self, usage: &Usage, scene: Scene<'_>) {
+        // What is there before is known then.
+        for entry in usage.entries.iter().filter(|entry| self.blueprint.keeps(entry.mux)) {
+            if let Some(entry) = scene.od.entry(entry.mux).filter(|_| self.chance(60))
+                && entry.access.writable()
+                && let Some(value) = self.value(entry, scene)
+            {
+                self.plan_write(Kind::Download, entry.mux, &value);
+            }
+        }
+        if self.chance(85) {
+            self.plan_state(Service::START);
+        }
+        // Whether a device in its own time comes first to a burst, or to a change of its state, or
+        // to what follows, nobody knows.
+        let (steps, burst) = if self.blueprint.is_in_its_own_time() { (11, 1) } else { (16, 3) };
+        for _ in 0..3 + self.below(7) {
+            match self.below(steps) {
+                0..=4 => self.plan_transfer(usage, scene),
+                5..=7 => {
+                    let frame = self.sync(Kind::Sync, scene);
+                    let times = 1 + self.below(burst);
+                    self.passes(
+                        Kind::Sync,
+                        frame.into_iter().collect::<Vec<_>>().repeat(times),
+                        PAUSE,
+                    );
+                }
+                8..=10 => self.plan_look(usage),
+                11 | 12 => self.plan_change(usage, scene),
+                13 => {
+                    let time = self.pick(&[5_000, 12_000, 60_000]).unwrap_or(PAUSE);
+                    self.passes(Kind::Wait, Vec::new(), time);
+                }
+                _ => self.plan_interruption(usage),
+            }
+        }
+        self.plan_look(usage);
+    }
+
+    /// The frame of an RPDO, or a request for a TPDO, or an event of it.
+    fn plan_transfer(&mut self, usage: &Usage, scene: Scene<'_>) {
+        let (id, bytes) = (CobId(usage.cob).can_id(), usage.bytes());
+        match usage.direction {
+            Direction::Receive => {
+                let data = [(); 8].map(|()| self.byte());
+                let frame = Frame::new(id, Data::new(&data[..bytes]));
+                self.passes(Kind::Rpdo, vec![frame], PAUSE);
+            }
+            Direction::Transmit if self.chance(40) => {
+                self.passes(Kind::TpdoRequest, vec![Frame::remote(id, bytes as u8)], PAUSE);
+            }
+            Direction::Transmit => self.plan_change(usage, scene),
+        }
+    }
+
+    /// What a PDO holds is read.
+    fn plan_look(&mut self, usage: &Usage) {
+        let place = self.below(usage.entries.len());
+        // The last entries are those that are lost first.
+        let place = if self.chance(30) { usage.entries.len().saturating_sub(1) } else { place };
+        let read = usage.entries.get(place).map(|entry| Request::Upload(entry.mux));
+        let read = read.map(|request| self.asks(Kind::Upload, request));
+        self.plan(read);
+    }
+
+    /// What a PDO holds is written by other means.
+    fn plan_change(&mut self, usage: &Usage, scene: Scene<'_>) {
+        let place = self.below(usage.entries.len());
+        let entry = usage.entries.get(place).and_then(|entry| scene.od.entry(entry.mux));
+        let Some(entry) = entry.filter(|entry| entry.access.writable()) else { return };
+        if let Some(value) = self.value(entry, scene) {
+            self.plan_write(Kind::Download, entry.mux, &value);
+        }
+    }
+
+    /// A PDO, or the node, is switched off and on.
+    fn plan_interruption(&mut self, usage: &Usage) {
+        match self.below(3) {
+            0 => self.plan_state(Service::STOP),
+            1 => self.plan_state(Service::ENTER_PRE_OPERATIONAL),
+            _ => return self.plan_parameters(usage.index, usage.cob, &[]),
+        }
+        if self.chance(85) {
+            self.plan_state(Service::START);
+        }
+    }
+
+    /// SYNC with a counter, and a TPDO that begins with one of its values.
+    pub(super) fn whole_count(&mut self, scene: Scene<'_>) -> Option<Action> {
+        let overflow: u8 = self.pick(&[2, 3, 5, 8, 8, 10, 240])?;
+        self.plan_cycle(scene, 0, overflow)?;
+        let (pdo, direction) = (self.pdos[self.below(2)], Direction::Transmit);
+        let usage = usage(communication(direction) + pdo, direction, scene)?;
+        let (kind, start) = (self.pick(&[1, 1, 2, 3])?, 1 + self.below(overflow.min(6).into()));
+        self.plan_parameters(usage.index, usage.cob, &[(2, kind), (6, start as u8)]);
+        self.plan_state(Service::START);
+        let id = CobId(scene.od.int(SYNC)? as u32).can_id();
+        let mut counter = self.below(overflow.into()) as u8;
+        for _ in 0..3 + self.below(4) {
+            let frames = [(); 4].map(|()| {
+                counter = counter % overflow + 1;
+                Frame::new(id, [counter])
+            });
+            self.passes(Kind::Sync, frames.to_vec(), PAUSE);
+        }
+        self.sync_counter = counter;
+        self.planned.pop_front()
+    }
+
+    /// The device produces SYNC, in which PDOs may take part.
+    pub(super) fn whole_production(&mut self, scene: Scene<'_>) -> Option<Action> {
+        let overflow: u8 = self.pick(&[0, 0, 2, 10, 240, 240])?;
+        let period: u32 = self.pick(&[1_000, 1_500, 2_000, 5_000, 10_000])?;
+        self.plan_cycle(scene, period, overflow)?;
+        let (pdo, direction) = self.a_pdo();
+        let usage = usage(communication(direction) + pdo, direction, scene);
+        if let Some(usage) = &usage {
+            let kind = self.pick(&[1, 1, 2, 0])?;
+            self.plan_parameters(usage.index, usage.cob, &[(2, kind)]);
+            self.plan_state(Service::START);
+        }
+        let present = scene.od.int(SYNC)? as u32;
+        self.plan_write(Kind::ConfigureSync, SYNC, &(present | PRODUCES).to_le_bytes());
+        let rounds = if overflow > 10 && period < 2_000 { u64::from(overflow) + 10 } else { 12 };
+        self.passes(Kind::Wait, Vec::new(), rounds * u64::from(period));
+        if self.chance(20) {
+            // Its identifier is in use.
+            let other = self.pick(&[0x90, 0x190, 0x6A0])?;
+            let moved = present & !0x7FF | PRODUCES | other;
+            self.plan_write(Kind::ConfigureSync, SYNC, &moved.to_le_bytes());
+        }
+        if let Some(usage) = &usage {
+            self.plan_transfer(usage, scene);
+            self.passes(Kind::Wait, Vec::new(), 2 * u64::from(period));
+            self.plan_look(usage);
+        }
+        // What comes often makes long waits dear.
+        self.plan_write(Kind::ConfigureSync, SYNC, &(present & !PRODUCES).to_le_bytes());
+        self.planned.pop_front()
+    }
+
+    /// The window after a SYNC in which synchronous PDOs are used, and RPDOs around its end.
+    pub(super) fn whole_window(&mut self, scene: Scene<'_>) -> Option<Action> {
+        let window: u32 = self.pick(&[0, 5_000, 20_000, 50_000])?;
+        scene.od.entry(WINDOW)?;
+        self.plan_write(Kind::ConfigureSync, WINDOW, &window.to_le_bytes());
+        let (pdo, direction) = (self.pdos[self.below(2)], Direction::Receive);
+        let usage = usage(communication(direction) + pdo, direction, scene)?;
+        let kind = self.pick(&[0, 1, 1, 2])?;
+        self.plan_parameters(usage.index, usage.cob, &[(2, kind)]);
+        self.plan_state(Service::START);
+        for _ in 0..=self.below(3) {
+            let sync = self.sync(Kind::Sync, scene)?;
+            let wait = self.pick(&[500, 3_000, 7_000, 60_000])?;
+            self.passes(Kind::Sync, vec![sync], wait);
+            self.plan_transfer(&usage, scene);
+            let sync = self.sync(Kind::Sync, scene)?;
+            self.passes(Kind::Sync, vec![sync], PAUSE);
+            self.plan_look(&usage);
+        }
+        self.planned.pop_front()
+    }
+
+    /// Period and counter of SYNC, which nobody produces meanwhile.
+    fn plan_cycle(&mut self, scene: Scene<'_>, period: u32, overflow: u8) -> Option<()> {
+        let kind = Kind::ConfigureSync;
+        let present = scene.od.int(SYNC)? as u32;
+        [PERIOD, OVERFLOW].iter().try_for_each(|mux| scene.od.entry(*mux).map(drop))?;
+        self.plan_write(kind, SYNC, &(present & !PRODUCES).to_le_bytes());
+        self.plan_write(kind, PERIOD, &0_u32.to_le_bytes());
+        self.plan_write(kind, OVERFLOW, &[overflow]);
+        if period > 0 {
+            self.plan_write(kind, PERIOD, &period.to_le_bytes());
+        }
+        Some(())
+    }
+}
+
+/// A PDO as the device has it; `None` when it has none, or nothing is mapped.
+fn usage(index: u16, direction: Direction, scene: Scene<'_>) -> Option<Usage> {
+    let cob = scene.od.int(Mux::new(index, 1))? as u32 & !CobId::INVALID;
+    let count = scene.od.int(Mux::new(index + 0x200, 0))?.clamp(0, 64) as u8;
+    let words = (1..=count).map(|sub| scene.od.int(Mux::new(index + 0x200, sub)));
+    let entries = words.map(|word| Some(Mapping::decode(word? as u32)));
+    let entries = entries.collect::<Option<Vec<Mapping>>>()?;
+    let used = CobId(cob).can_id() > 0 && !entries.is_empty();
+    used.then_some(Usage { direction, index, cob, entries })
+}
