@@ -25,6 +25,11 @@ pub trait Bus {
         false
     }
 
+    /// How its frames get their times, where that is worth a remark in a report.
+    fn remark(&self) -> Option<String> {
+        None
+    }
+
     /// The bench around the device under test; `None` if there is none.
     fn bench(&mut self) -> Option<&mut dyn Bench> {
         None

@@ -5,9 +5,14 @@
 
 mod bell;
 mod calendar;
+mod echo;
+mod far_clock;
 mod lines;
+mod port;
 mod program;
+mod slcan;
 pub mod socketcan;
+mod socketcand;
 mod watch;
 
 use std::fmt;
@@ -24,6 +29,8 @@ use runner::stop::Stop;
 pub use bell::Bell;
 pub use calendar::unix_time;
 pub use lines::Stdio;
+pub use slcan::Slcan;
+pub use socketcand::Socketcand;
 pub(crate) use watch::{Reached, Watch};
 
 /// A CAN interface by the name that a user gives it. A new backend is a variant here: the compiler
@@ -40,6 +47,10 @@ pub enum Interface {
         /// The interface.
         on: Option<String>,
     },
+    /// An adapter with Lawicel's protocol, `slcan:/dev/ttyACM0` or `slcan:tcp://host:port`.
+    Slcan(Slcan),
+    /// An interface of another machine, `socketcand://host:29536/can0`.
+    Socketcand(Socketcand),
 }
 
 impl Interface {
@@ -50,27 +61,51 @@ impl Interface {
             Self::Program { on: Some(name), .. } => SocketCan::bit_rate(name, usual),
             // Pipes have no bit rate that could be too fast for a suite.
             Self::Program { on: None, .. } => Some(usual),
+            // The protocols have no question for it.
+            Self::Slcan(adapter) => adapter.bit_rate,
+            Self::Socketcand(interface) => interface.is_virtual().then_some(usual),
         }
     }
 
     /// The bit rate that it is set to, in bit/s; `None` also where there is none.
     pub fn own_bit_rate(&self) -> Option<u32> {
+        if let Self::Slcan(adapter) = self {
+            return adapter.bit_rate;
+        }
         let name = self.network()?;
         if SocketCan::is_virtual(name) { None } else { SocketCan::bit_rate(name, 0) }
+    }
+
+    /// The same interface at this bit rate in bit/s, if one is said and opening it sets one.
+    #[must_use]
+    pub fn at_bit_rate(mut self, said: Option<u32>) -> Self {
+        if let Self::Slcan(adapter) = &mut self {
+            adapter.bit_rate = said.or(adapter.bit_rate);
+        }
+        self
+    }
+
+    /// Whether other stations can be on it: it is no pair of pipes.
+    pub const fn is_shared(&self) -> bool {
+        !matches!(self, Self::Program { on: None, .. })
     }
 
     /// Whether the device ends with the harness, since it is a program that the harness starts.
     pub const fn is_program(&self) -> bool {
         match self {
             Self::Program { .. } => true,
-            Self::SocketCan(_) => false,
+            Self::SocketCan(_) | Self::Slcan(_) | Self::Socketcand(_) => false,
         }
     }
 
     /// Whether the device waits for this machine, as a program does: one behind a virtual interface
     /// is one, or is reached through one.
     pub fn is_on_this_machine(&self) -> bool {
-        self.is_program() || self.network().is_some_and(SocketCan::is_virtual)
+        match self {
+            Self::Slcan(adapter) => adapter.is_on_this_machine(),
+            Self::Socketcand(interface) => interface.is_on_this_machine(),
+            _ => self.is_program() || self.network().is_some_and(SocketCan::is_virtual),
+        }
     }
 
     /// The network interface of Linux that it is on, which other programs such as `candump` know,
@@ -78,7 +113,7 @@ impl Interface {
     pub fn network(&self) -> Option<&str> {
         match self {
             Self::SocketCan(name) | Self::Program { on: Some(name), .. } => Some(name),
-            Self::Program { on: None, .. } => None,
+            Self::Program { on: None, .. } | Self::Slcan(_) | Self::Socketcand(_) => None,
         }
     }
 
@@ -107,6 +142,8 @@ impl Interface {
             Self::Program { command, on: Some(name) } => {
                 Ok(Box::new(OnInterface::open(command, name, stop, watch.cloned())?))
             }
+            Self::Slcan(adapter) => Ok(Box::new(adapter.open(stop)?)),
+            Self::Socketcand(interface) => Ok(Box::new(interface.open(stop)?)),
         }
     }
 }
@@ -118,6 +155,8 @@ impl fmt::Display for Interface {
             Self::SocketCan(name) => f.write_str(name),
             Self::Program { command, on: None } => write!(f, "exec:{command}"),
             Self::Program { command, on: Some(name) } => write!(f, "exec@{name}:{command}"),
+            Self::Slcan(adapter) => write!(f, "{SLCAN}{adapter}"),
+            Self::Socketcand(interface) => write!(f, "{SOCKETCAND}{interface}"),
         }
     }
 }
@@ -126,31 +165,51 @@ impl FromStr for Interface {
     type Err = NotAnInterface;
 
     /// Linux allows anything without blanks and slashes. A colon belongs to the name of another
-    /// backend, as in `slcan:/dev/ttyACM0`.
+    /// backend.
     fn from_str(text: &str) -> Result<Self, NotAnInterface> {
+        const NO: NotAnInterface = NotAnInterface { why: None };
+        let why = |why| NotAnInterface { why: Some(why) };
+        if let Some(adapter) = text.strip_prefix(SLCAN) {
+            return adapter.parse().map(Self::Slcan).map_err(why);
+        }
+        if let Some(interface) = text.strip_prefix(SOCKETCAND) {
+            return interface.parse().map(Self::Socketcand).map_err(why);
+        }
         if let Some((exec, command)) = text.split_once(':') {
-            let on = match exec.strip_prefix("exec").ok_or(NotAnInterface)? {
+            let on = match exec.strip_prefix("exec").ok_or(NO)? {
                 "" => None,
                 on => {
-                    Some(on.strip_prefix('@').filter(|name| is_name(name)).ok_or(NotAnInterface)?)
+                    let name = on.strip_prefix('@').filter(|name| is_name(name));
+                    Some(name.ok_or(NO)?)
                 }
             };
             let command = Some(command.trim()).filter(|command| !command.is_empty());
-            let command = command.ok_or(NotAnInterface)?.to_owned();
+            let command = command.ok_or(NO)?.to_owned();
             return Ok(Self::Program { command, on: on.map(str::to_owned) });
         }
-        if is_name(text) { Ok(Self::SocketCan(text.to_owned())) } else { Err(NotAnInterface) }
+        if is_name(text) { Ok(Self::SocketCan(text.to_owned())) } else { Err(NO) }
     }
 }
+
+const SLCAN: &str = "slcan:";
+const SOCKETCAND: &str = "socketcand:";
 
 fn is_name(text: &str) -> bool {
     let no = |c: char| c == '/' || c == ':' || c.is_whitespace();
     !text.is_empty() && text.len() < 16 && !text.contains(no)
 }
 
+/// Whether a host, with its port, is this machine.
+fn is_this_machine(host: &str) -> bool {
+    ["localhost:", "127.", "[::1]:"].iter().any(|own| host.starts_with(own))
+}
+
 /// No backend takes this for the name of an interface.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct NotAnInterface;
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NotAnInterface {
+    /// What is wrong with it, when it is clear which backend is meant.
+    pub why: Option<String>,
+}
 
 #[cfg(test)]
 mod tests {
@@ -166,13 +225,27 @@ mod tests {
             Some(Interface::Program { command, on: None }) => {
                 Some(Interface::Program { command: command.clone(), on: Some("vcan0".to_owned()) })
             }
-            Some(Interface::Program { on: Some(_), .. }) => None,
+            Some(Interface::Program { on: Some(_), .. }) => {
+                Some("slcan:/dev/ttyACM0,serial=57600,bitrate=500000".parse().unwrap())
+            }
+            Some(Interface::Slcan(_)) => Some("socketcand://rig:29536/can0".parse().unwrap()),
+            Some(Interface::Socketcand(_)) => None,
         }
     }
 
     #[test]
     fn a_device_on_a_virtual_interface_runs_on_this_machine() {
-        for (text, is_here) in [("vcan0", true), ("exec:./sim", true), ("can0", false)] {
+        for (text, is_here) in [
+            ("vcan0", true),
+            ("exec:./sim", true),
+            ("can0", false),
+            ("slcan:/dev/ttyACM0", false),
+            ("slcan:/dev/pts/7", true),
+            ("slcan:tcp://127.0.0.1:2000", true),
+            ("slcan:tcp://rig:2000", false),
+            ("socketcand://localhost/vcan0", true),
+            ("socketcand://rig/can0", false),
+        ] {
             let interface: Interface = text.parse().expect("an interface");
             assert_eq!(interface.is_on_this_machine(), is_here, "{text}");
         }
@@ -185,16 +258,36 @@ mod tests {
             assert_eq!(interface.to_string().parse(), Ok(interface.clone()));
             last = Some(interface);
         }
-        for text in [
-            "",
-            "slcan:/dev/ttyACM0",
-            "a name",
-            "longer-than-16-characters",
-            "exec:",
-            "exec@:a",
-            "exec@a b:c",
-        ] {
-            assert_eq!(text.parse::<Interface>(), Err(NotAnInterface), "{text:?}");
+        for text in ["", "a name", "longer-than-16-characters", "exec:", "exec@:a", "exec@a b:c"] {
+            assert_eq!(text.parse::<Interface>(), Err(NotAnInterface { why: None }), "{text:?}");
         }
+        for (text, part) in [
+            ("slcan:", "such as `slcan:/dev/ttyACM0`"),
+            ("slcan:ttyACM0", "such as `slcan:/dev/ttyACM0`"),
+            ("slcan:tcp://rig", "`slcan:tcp://host:port`"),
+            ("slcan:/dev/ttyACM0,bitrate=fast", "`,bitrate=fast`: `,bitrate=500000`"),
+            ("slcan:/dev/ttyACM0,bitrate=1,bitrate=1", "`,bitrate=1`: "),
+            ("slcan:tcp://rig:1,serial=9600", "`,serial=9600`: "),
+            ("socketcand://rig", "is `socketcand://host:29536/can0`"),
+            ("socketcand:rig/can0", "is `socketcand://host:29536/can0`"),
+        ] {
+            let why = text.parse::<Interface>().unwrap_err().why.expect(text);
+            assert!(why.contains(part), "{text}: {why}");
+        }
+        for (text, whole) in [
+            ("socketcand://rig/can0", "socketcand://rig:29536/can0"),
+            ("socketcand://[::1]/can0", "socketcand://[::1]:29536/can0"),
+        ] {
+            assert_eq!(text.parse::<Interface>().unwrap().to_string(), whole);
+        }
+    }
+
+    #[test]
+    fn what_is_said_beats_the_bit_rate_in_the_name() {
+        let adapter: Interface = "slcan:/dev/ttyACM0,bitrate=125000".parse().unwrap();
+        assert_eq!(adapter.bit_rate(1_000_000), Some(125_000));
+        assert_eq!(adapter.clone().at_bit_rate(None), adapter);
+        let other = adapter.at_bit_rate(Some(500_000));
+        assert_eq!(other.to_string(), "slcan:/dev/ttyACM0,bitrate=500000");
     }
 }

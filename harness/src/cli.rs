@@ -16,7 +16,7 @@ use runner::waivers::{UNEXPLAINED, check_date};
 use crate::argument::whole;
 use crate::device_file::GradeWord;
 use crate::folders::{CatalogueFolder, Folders};
-use crate::target::{DEFAULT_BIT_RATE, Selection};
+use crate::target::Selection;
 
 /// Conformance tests for CANopen devices.
 ///
@@ -344,9 +344,16 @@ pub struct ServeArgs {
 /// Arguments of `scan`.
 #[derive(Debug, Args)]
 pub struct ScanArgs {
-    /// The interface, such as `vcan0`, or `sim:drr460`
-    #[arg(long)]
-    pub target: String,
+    /// The interface, such as `vcan0` or `slcan:/dev/ttyACM0`, or `sim:drr460`
+    #[arg(long, required_unless_present = "adapters")]
+    pub target: Option<String>,
+    /// List the adapters and interfaces of this machine, and the target to type for each
+    #[arg(long, conflicts_with_all = ["target", "bitrate"])]
+    pub adapters: bool,
+    /// Bit rate of the bus in bit/s, which an adapter of `slcan:` is set to
+    #[arg(long, value_name = "BITS")]
+    #[arg(value_parser = whole::<u32>(1..=1_000_000))]
+    pub bitrate: Option<u32>,
     /// Which profiles.
     #[command(flatten)]
     pub catalogue: CatalogueFolder,
@@ -550,7 +557,7 @@ pub struct DeviceArgs {
     #[arg(long, value_name = "FILE")]
     pub dut: Option<PathBuf>,
     /// The device: `sim:NAME`, `sim:NAME?mutant=NAME` or `sim:FOLDER`, a program `exec:COMMAND`, or
-    /// a CAN interface such as `can0`
+    /// a CAN interface such as `can0` or `slcan:/dev/ttyACM0`
     #[arg(long)]
     pub target: Option<String>,
     /// Node id, other than that of the device
@@ -685,10 +692,11 @@ pub struct ProbeArgs {
     /// Which profiles.
     #[command(flatten)]
     pub catalogue: CatalogueFolder,
-    /// Bit rate of the bus in bit/s, for the data sheet
-    #[arg(long, value_name = "BITS", default_value_t = DEFAULT_BIT_RATE)]
+    /// Bit rate of the bus in bit/s, for the data sheet; that of the interface when absent, or
+    /// 1000000
+    #[arg(long, value_name = "BITS")]
     #[arg(value_parser = whole::<u32>(1..=1_000_000))]
-    pub bitrate: u32,
+    pub bitrate: Option<u32>,
 }
 
 /// Arguments of `decode`.

@@ -34,7 +34,7 @@ pub struct DeviceFile {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct DutFile {
-    /// Where the device is: `can0`, `exec:./firmware`, `sim:drr460`.
+    /// Where the device is: `can0`, `slcan:/dev/ttyACM0`, `exec:./firmware`, `sim:drr460`.
     #[serde(default)]
     pub target: Option<String>,
     /// Its node id; a bus is scanned when absent.

@@ -1,10 +1,15 @@
 //! What every bus keeps, whoever carries the frames. A new backend is another test here, which
 //! calls [`contract`] with a device on it.
 
+#[path = "common/adapter.rs"]
+#[expect(dead_code, reason = "other tests use the rest of it")]
+mod adapter;
+
 use std::sync::mpsc;
 use std::thread;
 use std::time::Duration;
 
+use adapter::Manner;
 use canopen::sdo::{Request, Response};
 use canopen::{Bus, BusError, Frame, Instant, Mux, Stamped, VirtualBus};
 use harness::bus::Interface;
@@ -15,6 +20,8 @@ use reference_devices::stack::Node;
 use runner::stop::Stop;
 
 const NODE: u8 = 5;
+/// The same device as a program.
+const SERVED: &str = "generic --node 5";
 /// Longer than a host with other work takes for a frame.
 const LATE: Duration = Duration::from_millis(300);
 
@@ -30,6 +37,43 @@ fn a_program_on_pipes_keeps_it() {
     let program = env!("CARGO_BIN_EXE_harness");
     let interface = format!("exec:{program} serve generic --node {NODE} --stdio");
     on_interface(&interface);
+}
+
+#[test]
+fn an_adapter_on_a_serial_line_keeps_it() {
+    let line = adapter::on_line(SERVED, Manner::default());
+    on_interface(&format!("slcan:{},bitrate=1000000", line.path));
+}
+
+#[test]
+fn an_adapter_without_stamps_keeps_it() {
+    let line = adapter::on_line(SERVED, Manner { is_simple: true, ..Manner::default() });
+    on_interface(&format!("slcan:{},bitrate=1000000", line.path));
+}
+
+#[test]
+fn an_adapter_that_answers_nothing_keeps_it() {
+    let address = adapter::on_tcp(SERVED, Manner { is_silent: true, ..Manner::default() });
+    on_interface(&format!("slcan:tcp://{address}"));
+}
+
+#[test]
+fn an_adapter_behind_tcp_keeps_it() {
+    let address = adapter::on_tcp(SERVED, Manner::default());
+    on_interface(&format!("slcan:tcp://{address},bitrate=500000"));
+}
+
+#[test]
+fn an_interface_of_socketcand_keeps_it() {
+    let address = adapter::socketcand(SERVED, Manner::default());
+    on_interface(&format!("socketcand://{address}/can0"));
+}
+
+#[test]
+fn a_server_without_echo_keeps_it() {
+    let address =
+        adapter::socketcand(SERVED, Manner { refuses: Some("echo"), ..Manner::default() });
+    on_interface(&format!("socketcand://{address}/can0"));
 }
 
 #[test]

@@ -44,6 +44,8 @@ pub struct Dut {
     pub shares_its_machine: bool,
     /// Bit rate of its bus in bit/s, when it is known.
     pub bit_rate: Option<u32>,
+    /// How frames on its bus get their times, where that is worth a remark.
+    pub times: Option<String>,
     /// Options of its profile that it does not have.
     pub without: Vec<String>,
     /// The name of the profile that the device gave when asked, by an object that the catalogue
@@ -99,6 +101,7 @@ impl Dut {
             shares_its_bus: false,
             shares_its_machine: false,
             bit_rate: None,
+            times: None,
             without: Vec::new(),
             told: None,
             lengths: BTreeMap::new(),

@@ -12,7 +12,7 @@ use nix::sys::signal::{Signal, killpg};
 use nix::unistd::Pid;
 use runner::stop::Stop;
 
-use super::lines::{Clock, Ending, Lines};
+use super::lines::{Clock, Ending, Lines, OfCandump};
 use super::socketcan::SocketCan;
 use super::watch::Watch;
 use crate::command_line::words_of;
@@ -115,7 +115,7 @@ fn after(last: Option<Frame>) -> String {
 pub(super) struct OnPipes {
     command: String,
     process: Process,
-    lines: Lines,
+    lines: Lines<OfCandump>,
     clock: Clock,
     /// The first frame that it sent, until it is received.
     first: Option<Stamped>,
@@ -178,14 +178,14 @@ fn start_on_pipes(
     clock: Clock,
     stop: &Stop,
     watch: Option<&Arc<Watch>>,
-) -> Result<(Process, Lines), BusError> {
+) -> Result<(Process, Lines<OfCandump>), BusError> {
     let mut process = Process::start(command, watch, |started| {
         started.stdin(Stdio::piped()).stdout(Stdio::piped());
     })?;
     let (Some(to), Some(from)) = (process.child.stdin.take(), process.child.stdout.take()) else {
         return Err(BusError::Open(format!("the program `{command}` has no pipes")));
     };
-    Ok((process, Lines::new(from, to, clock, stop.clone())))
+    Ok((process, Lines::new(from, to, clock, stop.clone(), OfCandump)))
 }
 
 impl Bus for OnPipes {

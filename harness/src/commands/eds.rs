@@ -18,7 +18,7 @@ use crate::exit::{Exit, Refused};
 use crate::files::{LARGEST, read, words};
 use crate::folders::Folders;
 use crate::reporter::say;
-use crate::target::{self, Address, Selection, compose, reference_device, scan};
+use crate::target::{self, Address, DEFAULT_BIT_RATE, Selection, compose, reference_device, scan};
 
 /// Carries out a command about data sheets.
 ///
@@ -146,24 +146,31 @@ fn probe(args: &ProbeArgs, stop: &Stop) -> Result<Exit, Refused> {
     }
     let selection = Selection {
         node: args.node,
-        bitrate: Some(args.bitrate),
+        bitrate: args.bitrate,
         ..Selection::of_target(Some(&args.target))
     };
     let catalogue = args.catalogue.load()?;
-    let (mut bus, node) = match args.target.parse()? {
+    let (mut bus, node, bit_rate) = match args.target.parse()? {
         Address::Simulation { .. } => {
             let targets = target::resolve(&selection, &catalogue, stop)?;
             let target = targets.first().ok_or_else(|| target::nobody(&args.target, args.node))?;
-            (target.open(stop)?, Some(target.dut.node))
+            (target.open(stop)?, Some(target.dut.node), target.dut.bit_rate)
         }
-        Address::Interface(interface) => (target::open_interface(&interface, stop)?, args.node),
+        Address::Interface(interface) => {
+            let interface = interface.at_bit_rate(args.bitrate);
+            let bit_rate = args.bitrate.or_else(|| interface.own_bit_rate());
+            (target::open_interface(&interface, stop)?, args.node, bit_rate)
+        }
     };
     let found = target::only(
         scan(&mut *bus, node, target::rounds(&args.target), &catalogue)?,
         &args.target,
         node,
     )?;
-    let (sheet, eds) = compose(&mut *bus, &found, args.bitrate, &catalogue)?;
+    let (sheet, eds) = {
+        let bit_rate = bit_rate.unwrap_or(DEFAULT_BIT_RATE);
+        compose(&mut *bus, &found, bit_rate, &catalogue)?
+    };
     match &args.out {
         Some(path) => create(path, &sheet.source.text)?,
         None => say(&sheet.source.text),

@@ -66,6 +66,7 @@ fn open(
             Ok((target.open(stop)?, Some(target.dut.node), target.dut.bit_rate))
         }
         Address::Interface(interface) => {
+            let interface = interface.at_bit_rate(args.bitrate);
             let bit_rate = args.bitrate.or_else(|| interface.own_bit_rate());
             Ok((target::open_interface(&interface, stop)?, args.node, bit_rate))
         }
@@ -138,7 +139,7 @@ fn text(args: &InitArgs, found: &Found, sheet: &Sheet, eds: &Eds, bit_rate: Opti
     text.push_str(STORES);
     // With a node id, there may be others, but not behind the pipes of a program.
     let interface = args.target.parse::<Interface>();
-    let is_a_bus = interface.is_ok_and(|interface| interface.network().is_some());
+    let is_a_bus = interface.is_ok_and(|interface| interface.is_shared());
     let nmt = if args.node.is_some() && is_a_bus { "all-nodes" } else { "" };
     text.push_str(
         "  # NMT commands that are not sent: reset-node, reset-communication, all-nodes.\n",

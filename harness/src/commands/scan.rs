@@ -1,5 +1,7 @@
 //! `harness scan`: lists the devices on the bus.
 
+mod adapters;
+
 use std::fmt::Write;
 
 use reports::Identity;
@@ -15,24 +17,30 @@ use crate::target::{self, Address, Found, Selection, scan};
 /// # Errors
 /// When the bus cannot be used or no node answers.
 pub(crate) fn run(args: &ScanArgs, stop: &Stop) -> Result<Exit, Refused> {
+    // Without `--adapters` there is one.
+    let Some(name) = args.target.as_ref().filter(|_| !args.adapters) else {
+        say(&adapters::list());
+        return Ok(Exit::Green);
+    };
     let catalogue = args.catalogue.load()?;
-    let found = match args.target.parse()? {
+    let found = match name.parse()? {
         Address::Simulation { .. } => {
-            let selection = Selection::of_target(Some(&args.target));
+            let selection = Selection::of_target(Some(name));
             let mut found = Vec::new();
             for target in target::resolve(&selection, &catalogue, stop)? {
                 let mut bus = target.open(stop)?;
-                found.extend(scan(&mut *bus, None, target::rounds(&args.target), &catalogue)?);
+                found.extend(scan(&mut *bus, None, target::rounds(name), &catalogue)?);
             }
             found
         }
         Address::Interface(interface) => {
+            let interface = interface.at_bit_rate(args.bitrate);
             let mut bus = target::open_interface(&interface, stop)?;
-            scan(&mut *bus, None, target::rounds(&args.target), &catalogue)?
+            scan(&mut *bus, None, target::rounds(name), &catalogue)?
         }
     };
     if found.is_empty() {
-        return Err(target::nobody(&args.target, None));
+        return Err(target::nobody(name, None));
     }
     let follows = |found: &Found| found.follows().unwrap_or_else(|| "-".to_owned());
     let width = found.iter().map(|found| follows(found).chars().count());

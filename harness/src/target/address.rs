@@ -3,7 +3,7 @@
 use std::str::FromStr;
 
 use super::reference::Named;
-use crate::bus::Interface;
+use crate::bus::{Interface, NotAnInterface};
 use crate::exit::Refused;
 
 /// The target that `--target` names.
@@ -41,11 +41,15 @@ impl FromStr for Address {
             };
             return Ok(Self::Simulation { device: device.to_owned(), deviation });
         }
-        text.parse().map(Self::Interface).map_err(|_| {
-            Refused::usage(format!(
-                "unknown target `{text}`: write `vcan0`, `can0`, `exec:./firmware`, `sim:drr460` \
-                 or `sim:drr460?mutant=NAME`"
-            ))
+        text.parse().map(Self::Interface).map_err(|NotAnInterface { why }| {
+            Refused::usage(match why {
+                Some(why) => format!("target `{text}`: {why}"),
+                None => format!(
+                    "unknown target `{text}`: write `vcan0`, `can0`, `slcan:/dev/ttyACM0`, \
+                     `slcan:tcp://host:port`, `socketcand://host/can0`, `exec:./firmware`, \
+                     `sim:drr460` or `sim:drr460?mutant=NAME`"
+                ),
+            })
         })
     }
 }

@@ -28,7 +28,9 @@ pub(super) fn target(
     catalogue: &Catalogue,
     stop: &Stop,
 ) -> Result<Target, Refused> {
+    let interface = &interface.clone().at_bit_rate(selection.bitrate);
     let mut bus = open_interface(interface, stop)?;
+    let times = bus.remark();
     let bit_rate = selection.bitrate.or_else(|| interface.bit_rate(DEFAULT_BIT_RATE));
     let name = &interface.to_string();
     let found = scan(&mut *bus, selection.node, rounds(name), catalogue)?;
@@ -53,9 +55,10 @@ pub(super) fn target(
         own_bench: selection.bench.is_some(),
         bench_needs,
         interface: interface.network().filter(|_| !interface.is_program()).map(str::to_owned),
-        shares_its_bus: interface.network().is_some(),
+        shares_its_bus: interface.is_shared(),
         shares_its_machine: interface.is_on_this_machine(),
         bit_rate,
+        times,
         without: without(selection, own.as_deref()),
         told: found.recognised(),
         ..Dut::new(dut_name, found.node, eds)
@@ -92,13 +95,20 @@ fn nobody_beside(load: Option<String>, interface: &str, node: Option<u8>) -> Ref
         |node| format!("node {node} does not answer"),
     );
     let parsed = interface.parse::<Interface>();
+    let load = load.map(|load| format!(", where {load}")).unwrap_or_default();
+    if matches!(parsed, Ok(Interface::Slcan(_) | Interface::Socketcand(_))) {
+        return Refused::bus(format!(
+            "{who} on {interface}{load}. Does the device have power, is the bus terminated, and is \
+             its bit rate that of the adapter (--bitrate)? This command shows the frames on it:\n  \
+             harness monitor --target {interface}"
+        ));
+    }
     let Some(interface) = parsed.as_ref().map_or(Some(interface), Interface::network) else {
         return Refused::bus(format!(
             "{who} on {interface}. The program writes each frame that it sends as a line, such as \
              `(0.001000) can0 701#00`, and gets each frame as such a line"
         ));
     };
-    let load = load.map(|load| format!(", where {load}")).unwrap_or_default();
     Refused::bus(format!(
         "{who} on {interface}{load}. These commands show the frames on it and add a device:\n  \
          candump -e {interface},0:0,#FFFFFFFF\n  \

@@ -5,7 +5,7 @@ use std::io;
 use canopen::BusError;
 use nix::errno::Errno;
 use socketcan::errors::ControllerProblems;
-use socketcan::{CanError, ErrorCause};
+use socketcan::{CanError, CanErrorFrame, ErrorCause};
 
 /// Why the interface `name` cannot be opened. `has_can`: whether the kernel knows CAN.
 pub(super) fn open(name: &str, why: &io::Error, has_can: bool) -> BusError {
@@ -70,6 +70,16 @@ pub(super) fn controller(error: &CanError) -> Option<String> {
     Some(parts.join("; "))
 }
 
+/// The same for an error frame of which only the class is known.
+pub(in crate::bus) fn of_class(class: u32) -> Option<String> {
+    const CONTROLLER_PROBLEM: u32 = 0x004;
+    let frame = CanErrorFrame::new_error(class, &[0; 8]).ok()?;
+    controller(&frame.into_error()).or_else(|| {
+        let is_meant = class & CONTROLLER_PROBLEM != 0;
+        is_meant.then(|| "a problem, such as error passive or an overflow".to_owned())
+    })
+}
+
 fn concern(cause: &ErrorCause) -> Option<String> {
     Some(match cause {
         ErrorCause::LostArbitration(_) | ErrorCause::Restarted | ErrorCause::Counters { .. } => {
@@ -130,7 +140,6 @@ pub(super) fn errno(why: &io::Error) -> Errno {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use socketcan::CanErrorFrame;
 
     fn text(class: u32, data: [u8; 8]) -> Option<String> {
         let frame = CanErrorFrame::new_error(class, &data).expect("eight bytes fit");

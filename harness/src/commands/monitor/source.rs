@@ -66,6 +66,7 @@ impl<'a> Source<'a> {
         let from = match (&args.target, &args.file) {
             (Some(target), _) => match target.parse()? {
                 Address::Interface(interface) => {
+                    let interface = interface.at_bit_rate(args.bitrate);
                     let mut bus = open_interface(&interface, stop)?;
                     let until = args.time.map(|time| bus.now() + Duration::from_secs(time));
                     From::Bus { bus, until }

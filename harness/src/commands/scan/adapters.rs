@@ -1,0 +1,124 @@
+//! The adapters and interfaces of this machine, as Linux lists them in `/dev` and `/sys`.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The type of a CAN interface in `linux/if_arp.h`.
+const ARPHRD_CAN: &str = "280";
+
+/// A line for each, with the target to type; a sentence when there is none.
+pub(super) fn list() -> String {
+    list_in(Path::new("/"))
+}
+
+fn list_in(root: &Path) -> String {
+    let mut found = interfaces(root);
+    found.extend(serial_lines(root));
+    if found.is_empty() {
+        return "no adapter is plugged in: neither a CAN interface of Linux nor a serial line over \
+                USB is there\n"
+            .to_owned();
+    }
+    let width = found.iter().map(|(target, _)| target.len()).max().unwrap_or_default();
+    let mut text = format!("{:<width$}  what it is\n", "target");
+    for (target, what) in found {
+        // Writing to a string cannot fail.
+        _ = writeln!(text, "{target:<width$}  {what}");
+    }
+    text
+}
+
+fn interfaces(root: &Path) -> Vec<(String, String)> {
+    let mut found = Vec::new();
+    for folder in sorted(&root.join("sys/class/net")) {
+        let read = |file: &str| fs::read_to_string(folder.join(file)).unwrap_or_default();
+        if read("type").trim() != ARPHRD_CAN {
+            continue;
+        }
+        let flags = read("flags");
+        let flags = u32::from_str_radix(flags.trim().trim_start_matches("0x"), 16);
+        let name = name(&folder);
+        let what = match flags.is_ok_and(|flags| flags & 1 != 0) {
+            true => "CAN interface".to_owned(),
+            false => {
+                format!("CAN interface, down: `ip link set {name} up type can bitrate 125000`")
+            }
+        };
+        found.push((name, what));
+    }
+    found
+}
+
+/// Serial lines over USB, by the name that stays where there is one.
+fn serial_lines(root: &Path) -> Vec<(String, String)> {
+    let links = sorted(&root.join("dev/serial/by-id"));
+    let lasting: BTreeMap<PathBuf, String> = links
+        .iter()
+        .filter_map(|link| {
+            Some((link.canonicalize().ok()?, format!("/dev/serial/by-id/{}", name(link))))
+        })
+        .collect();
+    let mut found = Vec::new();
+    for line in sorted(&root.join("dev")) {
+        let short = name(&line);
+        if !["ttyACM", "ttyUSB"].iter().any(|kind| short.starts_with(kind)) {
+            continue;
+        }
+        let other = line.canonicalize().ok().and_then(|line| lasting.get(&line).cloned());
+        let what = format!("serial line /dev/{short}, for an adapter with Lawicel's protocol");
+        found.push((format!("slcan:{}", other.unwrap_or_else(|| format!("/dev/{short}"))), what));
+    }
+    found
+}
+
+/// What a folder holds; nothing when it is not there.
+fn sorted(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
+    paths.sort();
+    paths
+}
+
+fn name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::symlink;
+
+    #[test]
+    fn adapters_have_the_target_to_type() {
+        let root = tempfile::tempdir().unwrap();
+        let root = root.path();
+        assert!(list_in(root).starts_with("no adapter is plugged in"));
+        let files = [
+            ("sys/class/net/can0/type", "280\n"),
+            ("sys/class/net/can0/flags", "0x40080\n"),
+            ("sys/class/net/vcan0/type", "280\n"),
+            ("sys/class/net/vcan0/flags", "0x400c1\n"),
+            ("sys/class/net/lo/type", "772\n"),
+            ("dev/ttyACM0", ""),
+            ("dev/ttyUSB0", ""),
+            ("dev/ttyS0", ""),
+        ];
+        for (path, text) in files {
+            let path = root.join(path);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, text).unwrap();
+        }
+        fs::create_dir_all(root.join("dev/serial/by-id")).unwrap();
+        symlink(root.join("dev/ttyACM0"), root.join("dev/serial/by-id/us")).unwrap();
+        let lists = "\
+target                      what it is
+can0                        CAN interface, down: `ip link set can0 up type can bitrate 125000`
+vcan0                       CAN interface
+slcan:/dev/serial/by-id/us  serial line /dev/ttyACM0, for an adapter with Lawicel's protocol
+slcan:/dev/ttyUSB0          serial line /dev/ttyUSB0, for an adapter with Lawicel's protocol
+";
+        assert_eq!(list_in(root), lists);
+    }
+}

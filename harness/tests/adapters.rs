@@ -1,0 +1,281 @@
+//! Adapters and servers of others: what is found through them is what is found in virtual time, and
+//! what goes wrong with them is said.
+
+#[path = "common/adapter.rs"]
+mod adapter;
+#[path = "common/agree.rs"]
+mod agree;
+mod common;
+#[path = "common/record.rs"]
+mod record;
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::mpsc;
+use std::time::Duration;
+
+use adapter::{Fault, Manner};
+use common::harness;
+use reports::{CaseRun, Outcome, Run, Verdict};
+use tempfile::TempDir;
+
+const SERVED: &str = "generic --node 5";
+/// What is judged by contents and by time.
+const CASES: [&str; 3] = ["cia301/nmt", "cia301/sdo*", "cia301/heartbeat"];
+
+/// More frames than the harness sends to know a device, and fewer than a run.
+const AFTER: usize = 150;
+
+fn run(target: &str, cases: &[&str]) -> (Run, Output) {
+    let (folder, output) = recorded(target, cases);
+    (record::read(&folder.path().join(JOURNAL)), output)
+}
+
+/// Runs cases, with a journal in a folder.
+fn recorded(target: &str, cases: &[&str]) -> (TempDir, Output) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let journal = folder.path().join(JOURNAL);
+    let mut run = harness();
+    run.args(cases).args(["-q", "--no-progress", "--target", target, "--journal"]).arg(&journal);
+    let output = run.output().expect("the program starts");
+    assert!(journal.exists(), "{}", said(&output));
+    (folder, output)
+}
+
+const JOURNAL: &str = "journal";
+
+fn said(output: &Output) -> String {
+    let text = [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text));
+    text.concat()
+}
+
+/// Compares what is found there with what is found in virtual time.
+fn compare(target: &str) -> Run {
+    let (mut found, output) = run(target, &CASES);
+    let (mut expected, _) = run("sim:generic", &CASES);
+    leave_out_what_is_simulated([&mut expected, &mut found]);
+    assert!(expected.cases().count() > 50, "{}", said(&output));
+    agree::agree(&expected, &found, |names| {
+        run(target, &names.iter().map(String::as_str).collect::<Vec<_>>()).0
+    });
+    found
+}
+
+/// Takes out what is skipped where there is no bench, or since it would take minutes of the bus.
+fn leave_out_what_is_simulated(runs: [&mut Run; 2]) {
+    const WHY: [&str; 2] = ["time on the bus is real", "the bench does not offer"];
+    let is_out = |case: &CaseRun| match &case.outcome {
+        Outcome::Skip(reason) => WHY.iter().any(|why| reason.starts_with(why)),
+        _ => false,
+    };
+    let [_, on_the_bus] = &runs;
+    let out = on_the_bus.cases().filter(|(_, case)| is_out(case));
+    let out: BTreeSet<String> = out.map(|(_, case)| case.info.name()).collect();
+    for run in runs {
+        for suite in run.devices.iter_mut().flat_map(|device| &mut device.suites) {
+            suite.cases.retain(|case| !out.contains(&case.info.name()));
+        }
+    }
+}
+
+/// How frames got their times, as the report says.
+fn times(run: &Run) -> String {
+    let (device, _) = run.cases().next().expect("cases ran");
+    device.info.remark.clone().unwrap_or_default()
+}
+
+#[test]
+fn an_adapter_on_a_serial_line_gets_the_verdicts_of_virtual_time() {
+    let line = adapter::on_line(SERVED, Manner::default());
+    let found = compare(&format!("slcan:{},bitrate=1000000", line.path));
+    let times = times(&found);
+    assert!(times.contains("the adapter's time stamps, in steps of 1 ms"), "{times}");
+    assert!(times.contains("at which the adapter confirmed them"), "{times}");
+}
+
+#[test]
+fn an_adapter_that_answers_nothing_gets_the_verdicts_of_virtual_time() {
+    let address = adapter::on_tcp(SERVED, Manner { is_silent: true, ..Manner::default() });
+    let found = compare(&format!("slcan:tcp://{address},bitrate=1000000"));
+    let times = times(&found);
+    assert!(times.contains("since the adapter answers no command"), "{times}");
+}
+
+#[test]
+fn an_interface_of_socketcand_gets_the_verdicts_of_virtual_time() {
+    let address = adapter::socketcand(SERVED, Manner::default());
+    let found = compare(&format!("socketcand://{address}/can0"));
+    let times = times(&found);
+    assert!(times.contains("the time stamps of the server"), "{times}");
+}
+
+/// A device behind an adapter that needs 20 ms for each frame is not slow itself.
+#[test]
+fn a_slow_adapter_is_not_a_slow_device() {
+    let slow = Manner { is_slow: Some(Duration::from_millis(20)), ..Manner::default() };
+    let line = adapter::on_line(SERVED, slow);
+    let target = format!("slcan:{},bitrate=1000000", line.path);
+    let cases = ["cia301/sdo-expedited"];
+    let ((found, _), (expected, _)) = (run(&target, &cases), run("sim:generic", &cases));
+    agree::agree(&expected, &found, |names| {
+        run(&target, &names.iter().map(String::as_str).collect::<Vec<_>>()).0
+    });
+}
+
+#[test]
+fn a_scan_through_an_adapter_finds_the_device() {
+    let line = adapter::on_line(SERVED, Manner::default());
+    let target = format!("slcan:{}", line.path);
+    let mut scan = harness();
+    let output = scan.args(["scan", "--bitrate", "500000", "--target", &target]).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert!(said(&output).contains("generic"), "{}", said(&output));
+}
+
+/// Each fault in the middle of a run: its target, the exit code, and what is said.
+#[test]
+fn a_fault_in_the_middle_leaves_a_complete_report() {
+    for (fault, exit, part) in [
+        (Fault::Gone, 6, "is gone: was it unplugged?"),
+        // The case is tried again.
+        (Fault::Garbage, 0, "which is no frame: its identifier is no number"),
+        (Fault::Refusing(0x24), 6, "error passive"),
+        (Fault::Refusing(0x02), 6, "its transmit queue is full"),
+    ] {
+        let manner = Manner { after: AFTER, fault: Some(fault), ..Manner::default() };
+        let line = adapter::on_line(SERVED, manner);
+        let target = format!("slcan:{},bitrate=1000000", line.path);
+        complete(&target, exit, part);
+    }
+}
+
+#[test]
+fn a_connection_that_is_cut_leaves_a_complete_report() {
+    let manner = Manner { after: AFTER, fault: Some(Fault::Gone), ..Manner::default() };
+    let target = format!("slcan:tcp://{},bitrate=1000000", adapter::on_tcp(SERVED, manner.clone()));
+    complete(&target, 6, "closed the connection");
+    let target = format!("socketcand://{}/can0", adapter::socketcand(SERVED, manner));
+    complete(&target, 6, "closed the connection");
+    let manner = Manner { after: AFTER, fault: Some(Fault::Garbage), ..Manner::default() };
+    let target = format!("socketcand://{}/can0", adapter::socketcand(SERVED, manner));
+    complete(&target, 0, "which is no frame: its identifier is no number");
+}
+
+/// A run in which something goes wrong: every case is in the report, and the journal says why.
+fn complete(target: &str, exit: i32, part: &str) {
+    let cases = ["cia301/sdo-expedited", "--node", "5"];
+    let (folder, output) = recorded(target, &cases);
+    let text = said(&output);
+    assert_eq!(output.status.code(), Some(exit), "{target}, {part}: {text}");
+    let journal = folder.path().join(JOURNAL);
+    let (found, (expected, _)) = (record::read(&journal), run("sim:generic", &cases[..1]));
+    let journal = fs::read_to_string(journal).expect("it was read before");
+    assert_eq!(found.counts().total(), expected.counts().total(), "{target}: {text}");
+    assert!(found.cases().any(|(_, case)| case.verdict() == Verdict::Pass), "{target}: {text}");
+    assert!(journal.contains(part), "{target}, {part}: {text}");
+}
+
+/// What cannot be opened: exit code 6, and what to do.
+#[test]
+fn what_is_refused_is_said() {
+    let scan = |target: &str| {
+        let output = harness().args(["scan", "--target", target]).output().unwrap();
+        (output.status.code(), said(&output))
+    };
+    let of = |refuses| Manner { refuses: Some(refuses), ..Manner::default() };
+    let tcp = |manner| format!("slcan:tcp://{}", adapter::on_tcp(SERVED, manner));
+    let server = |manner| format!("socketcand://{}", adapter::socketcand(SERVED, manner));
+    for (target, exit, part) in [
+        ("slcan:/dev/no-such-adapter".to_owned(), 6, "is the adapter plugged in?"),
+        (tcp(Manner::default()), 6, "say the bit rate of the bus: --bitrate 500000"),
+        (tcp(of("S")) + ",bitrate=500000", 6, "refuses the bit rate of 500000 bit/s"),
+        (tcp(of("O")) + ",bitrate=500000", 6, "switch its power off and on"),
+        (tcp(Manner::default()) + ",bitrate=83333", 6, "no bit rate of 83333 bit/s: 10000, "),
+        (server(Manner::default()) + "/can1", 6, "could not open bus"),
+        (tcp(Manner::default()) + ",speed=1", 2, "`,serial=115200` the speed"),
+        (server(Manner::default()), 2, "is `socketcand://host:29536/can0`"),
+    ] {
+        let (code, text) = scan(&target);
+        assert_eq!(code, Some(exit), "{target}: {text}");
+        assert!(text.contains(part), "{target}: {text}");
+    }
+}
+
+/// Only one program uses a serial line at a time.
+#[test]
+fn a_line_that_is_in_use_is_refused() {
+    let line = adapter::on_line(SERVED, Manner::default());
+    let target = format!("slcan:{}", line.path);
+    let held = fs::File::open(&line.path).expect("it is there");
+    held.lock().expect("nobody else has it");
+    let output = harness().args(["scan", "--target", &target]).output().unwrap();
+    assert_eq!(output.status.code(), Some(6), "{}", said(&output));
+    assert!(said(&output).contains("is in use by another program"), "{}", said(&output));
+}
+
+/// The kernel's slcan on the far end of a line, and a served device on its interface.
+#[test]
+#[ignore = "needs root and slcan: scripts/with-vcan"]
+fn the_slcan_of_the_kernel_gets_the_verdicts_of_virtual_time() {
+    let (line, address) = adapter::line_to_tcp();
+    let start = |program: &str, arguments: &str| {
+        let mut command = Command::new(program);
+        command.args(arguments.split(' ')).stdout(Stdio::null());
+        Process(command.spawn().expect("it starts"))
+    };
+    let _daemon = start("slcand", &format!("-o -s8 -F {} slcan7", line.path));
+    until("ip link set slcan7 up");
+    let _device = start(env!("CARGO_BIN_EXE_harness"), &format!("serve {SERVED} --target slcan7"));
+    let target = format!("slcan:tcp://{address},bitrate=1000000");
+    until(&format!("{} scan --target {target}", env!("CARGO_BIN_EXE_harness")));
+    let times = times(&compare(&target));
+    assert!(times.contains("since the adapter answers no command"), "{times}");
+}
+
+/// python-can's client of socketcand as another user of the server of these tests.
+#[test]
+#[ignore = "needs python-can: PYTHON names an interpreter that has it"]
+fn the_server_of_these_tests_is_one_for_python_can() {
+    let address = adapter::socketcand(SERVED, Manner::default());
+    let (host, port) = address.split_once(':').expect("it has a port");
+    let script = format!(
+        "import can\n\
+         bus = can.Bus(interface='socketcand', host='{host}', port={port}, channel='can0')\n\
+         seen = iter(lambda: bus.recv(5), None)\n\
+         bus.send(can.Message(arbitration_id=0x605, is_extended_id=False, \
+                              data=[0x40, 0, 0x10, 0, 0, 0, 0, 0]))\n\
+         answer = next(it for it in seen if it.arbitration_id == 0x585)\n\
+         assert answer.data[:4] == bytes([0x43, 0, 0x10, 0]), answer\n\
+         bus.shutdown()\n"
+    );
+    let python = std::env::var("PYTHON").unwrap_or("python3".to_owned());
+    let output = Command::new(python).args(["-c", &script]).output().expect("there is Python");
+    assert!(output.status.success(), "{}", said(&output));
+}
+
+/// Tries a command until it succeeds.
+fn until(command: &str) {
+    const TRIES: usize = 100;
+    let words: Vec<&str> = command.split(' ').collect();
+    let (_silent, never) = mpsc::channel::<()>();
+    for _ in 0..TRIES {
+        let output = Command::new(words[0]).args(&words[1..]).output().expect("it starts");
+        if output.status.success() {
+            return;
+        }
+        _ = never.recv_timeout(Duration::from_millis(100));
+    }
+    panic!("{command} does not succeed");
+}
+
+/// A program that ends with the test.
+struct Process(Child);
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        _ = self.0.kill();
+        _ = self.0.wait();
+    }
+}
