@@ -249,7 +249,7 @@ fn the_server_of_these_tests_is_one_for_python_can() {
          assert answer.data[:4] == bytes([0x43, 0, 0x10, 0]), answer\n\
          bus.shutdown()\n"
     );
-    let python = std::env::var("PYTHON").unwrap_or("python3".to_owned());
+    let python = std::env::var("PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let output = Command::new(python).args(["-c", &script]).output().expect("there is Python");
     assert!(output.status.success(), "{}", said(&output));
 }
