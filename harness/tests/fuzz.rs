@@ -103,7 +103,7 @@ fn what_a_run_showed_is_believed() {
 #[test]
 fn a_finding_becomes_a_case_that_the_device_fails() {
     let folder = tempfile::tempdir().unwrap();
-    let found = ["--target", MUTANT, "--sessions", "20", "--findings", "found"];
+    let found = ["--target", MUTANT, "--sessions", "60", "--findings", "found"];
     assert_eq!(fuzz(folder.path(), &found).status.code(), Some(8));
     let file = "found/sdo-toggle-unchecked.json";
     let promote = ["promote", file, "--into", "mine", "--mutant"];
