@@ -198,8 +198,8 @@ fn wait(span: Duration) {
     _ = never.recv_timeout(span);
 }
 
-/// A device that has booted up. What it sends is passed on as `form` writes it, with the nanoseconds
-/// of its clock.
+/// A device that has booted up. What it sends is passed on as `form` writes it, with the
+/// nanoseconds of its clock.
 fn device(
     arguments: &str,
     known: Arc<Known>,
