@@ -134,7 +134,9 @@ fn compare(device: &str, cases: &[&str], options: &[&str]) {
         let output = harness().args(target).args(&cases).args(files.options()).output().unwrap();
         let (said, told) = (text(&output.stdout), text(&output.stderr));
         assert!(output.status.code().is_some_and(|code| exits.contains(&code)), "{said}");
-        assert_eq!(told, "");
+        // A long run on a bus says how long it takes.
+        let is_estimate = |line: &str| line.starts_with("note: ") && line.contains(" take about ");
+        assert!(told.lines().all(is_estimate), "{told}");
         assert!(files.junit().contains("<testcase"));
         files.run()
     };
