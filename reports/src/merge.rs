@@ -1,6 +1,6 @@
 //! Several runs as one: the shards of a run, or runs of several devices.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::event::{RunEnded, RunStarted, Shard};
 use crate::run::{CaseRun, DeviceRun, Run};
@@ -60,7 +60,8 @@ fn add(devices: &mut Vec<DeviceRun>, device: DeviceRun, is_shard: bool) {
         (info.device.clone(), info.node, info.identity, info.versions.clone(), info.sheet.clone())
     };
     let same = devices.iter().position(|known| of(known) == of(&device));
-    // A case that ran twice was tried on two states of a device. Shards have nothing in common.
+    // A case that ran twice was tried on two states of a device. Shards have in common what proves
+    // that their cases can be relied on.
     let Some(known) = same.filter(|known| is_shard || are_apart(&devices[*known], &device)) else {
         let name = free_name(devices, &device);
         let info = crate::DeviceStarted { device: name, ..device.info };
@@ -71,8 +72,19 @@ fn add(devices: &mut Vec<DeviceRun>, device: DeviceRun, is_shard: bool) {
         match known.suites.iter_mut().find(|known| known.name == suite.name) {
             None => known.suites.push(suite),
             Some(known) => {
-                let names: BTreeSet<String> = known.cases.iter().map(name).collect();
-                known.cases.extend(suite.cases.into_iter().filter(|it| !names.contains(&name(it))));
+                let named = known.cases.iter().enumerate().map(|(place, case)| (name(case), place));
+                let places: BTreeMap<String, usize> = named.collect();
+                for case in suite.cases {
+                    let Some(place) = places.get(&name(&case)) else {
+                        known.cases.push(case);
+                        continue;
+                    };
+                    // What one shard found is not lost.
+                    let known = &mut known.cases[*place];
+                    if case.verdict().weight() > known.verdict().weight() {
+                        *known = case;
+                    }
+                }
             }
         }
     }

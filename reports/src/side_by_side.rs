@@ -12,7 +12,7 @@ pub(crate) struct SideBySide {
     pub(crate) devices: Vec<String>,
     /// The requirements that do not hold on each device on which they were tried.
     pub(crate) requirements: Vec<Requirement>,
-    /// How many hold on each.
+    /// How many hold on each device on which they were tried.
     pub(crate) hold: usize,
     /// The medians of what the frames show.
     pub(crate) characteristics: Vec<Medians>,
@@ -23,6 +23,12 @@ pub(crate) struct Requirement {
     pub(crate) id: String,
     pub(crate) says: String,
     pub(crate) verdicts: Vec<Option<Verdict>>,
+}
+
+impl Requirement {
+    fn shows(&self, what: impl Fn(Verdict) -> bool) -> bool {
+        self.verdicts.iter().flatten().any(|verdict| what(*verdict))
+    }
 }
 
 pub(crate) struct Medians {
@@ -37,21 +43,17 @@ impl SideBySide {
         if run.devices.len() < 2 {
             return None;
         }
-        let mut requirements = requirements(&run.devices);
-        let all = requirements.len();
-        requirements.retain(|requirement| requirement.verdicts.iter().flatten().any(is_worse));
+        let is_short = |it: &Requirement| it.shows(Verdict::is_short_of_pass);
+        let (requirements, others): (Vec<_>, Vec<_>) =
+            requirements(&run.devices).into_iter().partition(is_short);
+        let hold = others.iter().filter(|it| it.shows(|verdict| verdict == Verdict::Pass));
         Some(Self {
             devices: run.devices.iter().map(|device| clean(&device.info.device)).collect(),
-            hold: all - requirements.len(),
+            hold: hold.count(),
             requirements,
             characteristics: characteristics(&run.devices),
         })
     }
-}
-
-/// Whether the verdict is about a requirement that was tried and does not simply hold.
-const fn is_worse(verdict: &Verdict) -> bool {
-    verdict.weight() > Verdict::Pass.weight()
 }
 
 fn requirements(devices: &[DeviceRun]) -> Vec<Requirement> {

@@ -49,7 +49,7 @@ pub(crate) fn tool_checked(run: &Run) -> Vec<ToolChecked> {
 impl ToolChecked {
     /// Whether it was made and does not simply pass.
     pub(crate) fn is_worse(&self) -> bool {
-        self.verdict.is_some_and(|verdict| verdict.weight() > Verdict::Pass.weight())
+        self.verdict.is_some_and(Verdict::is_short_of_pass)
     }
 
     /// `12 PASS, 1 FAIL`, or why there is nothing.

@@ -44,6 +44,11 @@ impl Verdict {
         }
     }
 
+    /// Whether it is about something that was tried and does not simply hold.
+    pub(crate) const fn is_short_of_pass(self) -> bool {
+        self.weight() > Self::Pass.weight()
+    }
+
     /// Whether it needs no explanation of its own: the device passed, or the case says nothing.
     pub const fn is_usual(self) -> bool {
         matches!(self, Self::Pass | Self::Skip | Self::Blocked)

@@ -463,6 +463,27 @@ fn shards_become_one_run_that_says_what_is_missing() {
     assert!(reason.ends_with("the shard 1/2 is missing"), "{reason}");
 }
 
+/// Shards have in common what proves that their cases can be relied on.
+#[test]
+fn what_one_of_two_shards_found_is_not_lost() {
+    let shard = |place, passes: bool| {
+        let mut events = fixture::events(Grade::Lenient);
+        for event in &mut events {
+            match event {
+                Event::RunStarted(started) => started.shard = Some(Shard { place, of: 2 }),
+                Event::CaseEnded(ended) if passes && matches!(ended.outcome, Outcome::Fail(_)) => {
+                    (ended.outcome, ended.cause) = (Outcome::Pass, None);
+                }
+                _ => {}
+            }
+        }
+        fold(&events, Keep::Unusual)
+    };
+    let failed = shard(1, false).counts();
+    assert_eq!(merged(vec![shard(1, true), shard(2, false)]).counts(), failed);
+    assert_eq!(merged(vec![shard(1, false), shard(2, true)]).counts(), failed);
+}
+
 /// Two firmware versions, or one device that was tested twice.
 #[test]
 fn what_was_tested_twice_stands_side_by_side() {
