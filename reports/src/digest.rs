@@ -259,6 +259,18 @@ fn bars(counts: Counts) -> Vec<Bar> {
     Verdict::ALL.into_iter().filter_map(bar).collect()
 }
 
+impl Digest<'_> {
+    /// The causes that nobody waived.
+    pub(crate) fn needs_work(&self) -> Vec<&Cause> {
+        self.causes.iter().filter(|cause| cause.waiver.is_none()).collect()
+    }
+
+    /// The causes that are known.
+    pub(crate) fn waived(&self) -> Vec<&Cause> {
+        self.causes.iter().filter(|cause| cause.waiver.is_some()).collect()
+    }
+}
+
 fn causes(run: &Run) -> Vec<Cause> {
     let mut all: Vec<Cause> = facts(run).iter().map(Cause::of).collect();
     // The sort is stable: within a verdict the fact of most instances stays first.
@@ -280,7 +292,9 @@ impl Cause {
         let expected = problem.map(|problem| named(&problem.expected)).unwrap_or_default();
         let said = [("", case.info.requirement_ids()), ("expected ", expected.clone())];
         let times = case.outcome.times().unwrap_or_default();
-        let said = said.into_iter().chain([("came ", came.clone()), ("", times)]);
+        // Without a problem, it is the reason why a case did not come to a verdict.
+        let came_before = if problem.is_some() { "came " } else { "" };
+        let said = said.into_iter().chain([(came_before, came.clone()), ("", times)]);
         let said: Vec<String> = said
             .filter(|(_, text)| !text.is_empty())
             .map(|(before, text)| format!("{before}{text}"))

@@ -27,7 +27,7 @@ pub fn write(run: &Run, out: &mut dyn Write) -> io::Result<()> {
     if let Some(comparison) = digest.comparison {
         compared(comparison, out)?;
     }
-    causes(&digest.causes, out)?;
+    causes(&digest, out)?;
     if let Some(devices) = &digest.side_by_side {
         side_by_side(devices, out)?;
     }
@@ -81,25 +81,37 @@ fn compared(comparison: &Comparison, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out)
 }
 
-fn causes(causes: &[Cause], out: &mut dyn Write) -> io::Result<()> {
+fn causes(digest: &Digest<'_>, out: &mut dyn Write) -> io::Result<()> {
+    let (open, waived) = (digest.needs_work(), digest.waived());
     writeln!(out, "## What needs work\n")?;
-    if causes.is_empty() {
-        return writeln!(out, "Nothing: each case that ran passed.\n");
+    match (open.is_empty(), waived.is_empty()) {
+        (true, true) => writeln!(out, "Nothing: each case that ran passed.\n")?,
+        (true, false) => writeln!(out, "Nothing: each case that ran passed or is waived.\n")?,
+        _ => {
+            writeln!(out, "| verdict | cases | service | requirement, expected and came | run again |")?;
+            writeln!(out, "|---|--:|---|---|---|")?;
+            rows(&open, out, |cause| code(&cause.again))?;
+        }
     }
-    writeln!(out, "| verdict | cases | service | requirement, expected and came | run again |")?;
+    if waived.is_empty() {
+        return Ok(());
+    }
+    writeln!(out, "## What is waived\n")?;
+    writeln!(out, "| verdict | cases | service | requirement, expected and came | reason |")?;
     writeln!(out, "|---|--:|---|---|---|")?;
+    rows(&waived, out, |cause| escaped(cause.waiver.as_deref().unwrap_or_default()))
+}
+
+/// A row for each cause, whose last column is told.
+fn rows(
+    causes: &[&Cause],
+    out: &mut dyn Write,
+    last: impl Fn(&Cause) -> String,
+) -> io::Result<()> {
     for cause in causes.iter().take(MOST_CAUSES) {
-        let waived = cause.waiver.as_deref().map(|waiver| format!("; waived: {}", escaped(waiver)));
-        writeln!(
-            out,
-            "| {} | {} | {} | {}{} | {} |",
-            cause.verdict,
-            cause.total(),
-            escaped(&cause.service),
-            escaped(&cause.said),
-            waived.unwrap_or_default(),
-            code(&cause.again),
-        )?;
+        let (verdict, total) = (cause.verdict, cause.total());
+        let (service, said) = (escaped(&cause.service), escaped(&cause.said));
+        writeln!(out, "| {verdict} | {total} | {service} | {said} | {} |", last(cause))?;
     }
     let more = causes.len().saturating_sub(MOST_CAUSES);
     if more > 0 {
