@@ -2,7 +2,7 @@
 //! only through its data sheet.
 //!
 //! [`read`] accepts what vendors really ship and reports every deviation with its place;
-//! [`write()`] gives the strict form. Text that has no place in an [`Eds`] survives both as
+//! An XDD or XDC (CiA 311) is read in the same way. [`write()`] gives the strict form. Text that has no place in an [`Eds`] survives both as
 //! [`unknown`](Eds::unknown).
 //!
 //! Conclusions from a data sheet, such as the PDOs that a device has or what may be written, belong
@@ -19,6 +19,7 @@ mod read;
 mod text;
 mod value;
 mod write;
+mod xdd;
 
 pub use codes::{CODES, Code, Severity};
 pub use diagnostic::Diagnostic;
@@ -30,3 +31,4 @@ pub use places::Places;
 pub use read::{Reading, read};
 pub use text::decode;
 pub use write::write;
+pub use xdd::write_xdd;

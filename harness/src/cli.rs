@@ -664,10 +664,13 @@ pub enum EdsCommand {
     /// Generate a data sheet from the answers of a device; settings of its communication are
     /// written with the values that they have, to find out whether they can be
     Probe(ProbeArgs),
-    /// Generate `device.eds` and `device.md` of a reference device
+    /// Generate `device.eds` and `device.md` of a reference device, or its `device.xdd`
     Write {
         /// The reference device, or the folder of a device
         device: String,
+        /// The form of the data sheet
+        #[arg(long, default_value = "eds")]
+        format: SheetFormat,
         /// Folder to write to; the device's folder in the project when absent
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
@@ -675,6 +678,15 @@ pub enum EdsCommand {
         #[command(flatten)]
         catalogue: CatalogueFolder,
     },
+}
+
+/// Forms of a data sheet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum SheetFormat {
+    /// Sections and keys (CiA 306), and a table of the objects in Markdown
+    Eds,
+    /// XML (CiA 311)
+    Xdd,
 }
 
 /// Arguments of `eds probe`.

@@ -99,6 +99,28 @@ fn verdicts_do_not_depend_on_the_order_of_cases() {
     assert!(differences.is_empty(), "{differences}");
 }
 
+/// XML (CiA 311) and sections (CiA 306) of one device are one data sheet.
+#[test]
+fn an_eds_and_its_xdd_give_the_same_verdicts() {
+    for device in ["generic", "em66"] {
+        let folder = TempDir::new().unwrap();
+        let runs = [("eds", "device.eds"), ("xdd", "device.xdd")].map(|(format, file)| {
+            let mut write = harness();
+            write.args(["eds", "write", device, "--format", format, "--out"]).arg(folder.path());
+            assert!(write.output().unwrap().status.success());
+            let journal = folder.path().join(format);
+            let mut command = harness();
+            command.args(["--target", &format!("sim:{device}"), "--eds"]);
+            command.arg(folder.path().join(file));
+            assert!(start(command, &journal).wait().is_ok());
+            record::read(&journal)
+        });
+        let [eds, xdd] = &runs;
+        assert!(eds.cases().count() > 1000);
+        assert_eq!(record::differences(eds, xdd), "", "{device}");
+    }
+}
+
 /// Whether a heating/cooling device is not asked about something because it does not have it: an
 /// option or an object that no such device must have. The one with everything lacks nothing.
 fn is_of_what_it_lacks(device: &DeviceStarted, reason: &str) -> bool {

@@ -88,7 +88,10 @@ fn causes(digest: &Digest<'_>, out: &mut dyn Write) -> io::Result<()> {
         (true, true) => writeln!(out, "Nothing: each case that ran passed.\n")?,
         (true, false) => writeln!(out, "Nothing: each case that ran passed or is waived.\n")?,
         _ => {
-            writeln!(out, "| verdict | cases | service | requirement, expected and came | run again |")?;
+            writeln!(
+                out,
+                "| verdict | cases | service | requirement, expected and came | run again |"
+            )?;
             writeln!(out, "|---|--:|---|---|---|")?;
             rows(&open, out, |cause| code(&cause.again))?;
         }
@@ -103,11 +106,7 @@ fn causes(digest: &Digest<'_>, out: &mut dyn Write) -> io::Result<()> {
 }
 
 /// A row for each cause, whose last column is told.
-fn rows(
-    causes: &[&Cause],
-    out: &mut dyn Write,
-    last: impl Fn(&Cause) -> String,
-) -> io::Result<()> {
+fn rows(causes: &[&Cause], out: &mut dyn Write, last: impl Fn(&Cause) -> String) -> io::Result<()> {
     for cause in causes.iter().take(MOST_CAUSES) {
         let (verdict, total) = (cause.verdict, cause.total());
         let (service, said) = (escaped(&cause.service), escaped(&cause.said));

@@ -65,6 +65,15 @@ pub(super) enum List {
 }
 
 impl List {
+    /// The list that contains an object: device type, error register and identity are mandatory.
+    pub(super) const fn of(index: u16) -> Self {
+        match index {
+            0x1000 | 0x1001 | 0x1018 => Self::Mandatory,
+            0x2000..0x6000 => Self::Manufacturer,
+            _ => Self::Optional,
+        }
+    }
+
     pub(super) const fn title(self) -> &'static str {
         match self {
             Self::Mandatory => "MandatoryObjects",
@@ -128,7 +137,15 @@ fn hex(digits: &str) -> Option<u32> {
 
 /// The sections of `text`, sorted by name; those that CiA 306 does not name keep their order.
 pub(super) fn parse<'a>(text: &'a str, findings: &mut Findings) -> Vec<Section<'a>> {
-    let mut sections = unite(lex(text, findings), findings);
+    in_order(lex(text, findings), findings)
+}
+
+/// Sections as a reader takes them: sorted by name, each section and each key once.
+pub(super) fn in_order<'a>(
+    sections: Vec<Section<'a>>,
+    findings: &mut Findings,
+) -> Vec<Section<'a>> {
+    let mut sections = unite(sections, findings);
     for section in &mut sections {
         drop_second_keys(section, findings);
     }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use super::diagnostic::Findings;
 use super::ini::{self, Name, Part};
+use super::xdd::{self, Transcript};
 use crate::mux::Mux;
 use crate::source::Place;
 
@@ -22,7 +23,14 @@ struct Lines {
 impl Places {
     /// The places in a decoded text.
     pub fn of(text: &str) -> Self {
-        let sections = ini::parse(text, &mut Findings::default());
+        let findings = &mut Findings::default();
+        let transcript;
+        let sections = if xdd::is_xml(text) {
+            transcript = Transcript::of(text, findings);
+            transcript.sections(findings)
+        } else {
+            ini::parse(text, findings)
+        };
         let lines = |section: &ini::Section<'_>| Lines {
             at: section.at,
             keys: section.keys.iter().map(|key| (key.name.to_owned(), key.name_at)).collect(),

@@ -16,6 +16,7 @@ use super::lint;
 use super::model::{Eds, Term, UnknownSection};
 use super::text;
 use super::value;
+use super::xdd::{self, Transcript};
 use crate::source::Place;
 use crate::value::DataType;
 
@@ -41,7 +42,18 @@ impl Reading {
 pub fn read(source: &[u8]) -> Reading {
     let mut findings = Findings::default();
     let text = text::decode_with(source, &mut findings);
-    let sections = ini::parse(&text, &mut findings);
+    let transcript;
+    let sections = if xdd::is_xml(&text) {
+        // Whatever the encoding, XML may have it.
+        findings = Findings::default();
+        transcript = Transcript::of(&text, &mut findings);
+        if transcript.is_empty() {
+            return Reading { eds: Eds::default(), diagnostics: findings.finish() };
+        }
+        transcript.sections(&mut findings)
+    } else {
+        ini::parse(&text, &mut findings)
+    };
     let mut reader = Reader { eds: Eds::default(), findings, compact_pdo: None, expanded: 0 };
     reader.check_sections(&sections);
     let objects = sections.partition_point(|section| section.name < FIRST_OBJECT);

@@ -25,11 +25,11 @@ pub fn write(eds: &Eds, head: &str) -> String {
     writer.dummy_usage(&eds.dummies);
     writer.comments(&eds.comments);
     writer.list(List::Mandatory, eds);
-    writer.objects(eds, |object| MANDATORY.contains(&object.index));
+    writer.objects(eds, |object| List::of(object.index) == List::Mandatory);
     writer.list(List::Optional, eds);
-    writer.objects(eds, |object| list_of(object) == List::Optional);
+    writer.objects(eds, |object| List::of(object.index) == List::Optional);
     writer.list(List::Manufacturer, eds);
-    writer.objects(eds, |object| list_of(object) == List::Manufacturer);
+    writer.objects(eds, |object| List::of(object.index) == List::Manufacturer);
     for section in &eds.unknown {
         if writer.unknown.contains_key(section.name.as_str()) {
             writer.section(&section.name);
@@ -147,7 +147,7 @@ impl<'e> Writer<'e> {
     }
 
     fn list(&mut self, list: List, eds: &Eds) {
-        let of_list = || eds.objects.iter().filter(|object| list_of(object) == list);
+        let of_list = || eds.objects.iter().filter(|object| List::of(object.index) == list);
         self.section(list.title());
         self.key("SupportedObjects", of_list().count());
         for (place, object) in (1..).zip(of_list()) {
@@ -213,18 +213,6 @@ impl<'e> Writer<'e> {
         self.key("PDOMapping", u8::from(entry.mappable));
     }
 }
-
-/// The list that contains an object.
-fn list_of(object: &Object) -> List {
-    match object.index {
-        index if MANDATORY.contains(&index) => List::Mandatory,
-        0x2000..0x6000 => List::Manufacturer,
-        _ => List::Optional,
-    }
-}
-
-/// Device type, error register, identity.
-const MANDATORY: [u16; 3] = [0x1000, 0x1001, 0x1018];
 
 /// The bit rates for which CiA 306 has a key.
 const BIT_RATES: [u32; 8] = [10, 20, 50, 125, 250, 500, 800, 1000];

@@ -6,14 +6,13 @@ use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use canopen::catalogue::Catalogue;
 use canopen::eds::{self, Severity};
 use runner::stop::Stop;
 use runner::suite::step::Step;
 use runner::suite::{Level, Library};
 
 use super::counted::counted;
-use crate::cli::{EdsCommand, ProbeArgs};
+use crate::cli::{EdsCommand, ProbeArgs, SheetFormat};
 use crate::exit::{Exit, Refused};
 use crate::files::{LARGEST, read, words};
 use crate::folders::Folders;
@@ -28,8 +27,15 @@ pub(super) fn run(command: &EdsCommand, stop: &Stop) -> Result<Exit, Refused> {
     match command {
         EdsCommand::Check { files } => check(files),
         EdsCommand::Probe(args) => probe(args, stop),
-        EdsCommand::Write { device, out, catalogue } => {
-            write(device, out.clone(), &*catalogue.load()?)
+        EdsCommand::Write { device, format, out, catalogue } => {
+            let device = reference_device(device, &*catalogue.load()?)?;
+            let files = match format {
+                SheetFormat::Eds => device.generated_files().to_vec(),
+                SheetFormat::Xdd => {
+                    vec![(device.beside("xdd"), eds::write_xdd(&device.description.eds))]
+                }
+            };
+            write(files, out.as_deref())
         }
     }
 }
@@ -192,13 +198,13 @@ fn exists(path: &Path) -> Refused {
     Refused::usage(format!("{} exists and is not overwritten", path.display()))
 }
 
-fn write(name: &str, out: Option<PathBuf>, catalogue: &Catalogue) -> Result<Exit, Refused> {
-    let device = reference_device(name, catalogue)?;
-    if let Some(folder) = &out {
+/// Writes files of which paths in the project and texts are given, there or to a folder.
+fn write(files: Vec<(String, String)>, out: Option<&Path>) -> Result<Exit, Refused> {
+    if let Some(folder) = out {
         fs::create_dir_all(folder).map_err(|error| file_error(folder, &error))?;
     }
-    for (file, text) in device.generated_files() {
-        let path = match &out {
+    for (file, text) in files {
+        let path = match out {
             Some(folder) => {
                 let path = folder.join(Path::new(&file).file_name().unwrap_or_default());
                 if fs::read(&path).ok().as_deref() != Some(text.as_bytes()) {

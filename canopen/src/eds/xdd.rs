@@ -1,0 +1,430 @@
+//! XDD and XDC (CiA 311): a data sheet as XML. Its elements become the sections and keys of CiA 306,
+//! each at its place in the XML, so that one reader has the findings for both forms.
+//!
+//! What CiA 311 says besides, such as labels in several languages, is not read. Keys that it lacks
+//! and CiA 306 demands get the value that means nothing.
+
+mod entry;
+mod place;
+mod write;
+
+use std::collections::HashMap;
+
+use roxmltree::{Attribute, Document, Node};
+
+use super::codes;
+use super::diagnostic::Findings;
+use super::ini::{self, Key, List, Name, Section};
+use crate::source::Place;
+use place::Lines;
+
+pub use write::write_xdd;
+
+/// Whether a text is XML rather than sections and keys.
+pub(super) fn is_xml(text: &str) -> bool {
+    text.trim_start().starts_with('<')
+}
+
+/// The sections of CiA 306 that say what the elements say.
+#[derive(Default)]
+pub(super) struct Transcript {
+    sections: Vec<Written>,
+}
+
+/// A section. The text is new, the place is that of the element.
+struct Written {
+    title: String,
+    at: Place,
+    keys: Vec<Line>,
+}
+
+struct Line {
+    name: String,
+    value: String,
+    name_at: Place,
+    at: Place,
+}
+
+impl Transcript {
+    /// Transcribes a text. XML that is not well-formed, or declares entities, becomes a finding and
+    /// no section.
+    pub(super) fn of(text: &str, findings: &mut Findings) -> Self {
+        // Declarations of document types are refused, and with them entities that expand.
+        let document = match Document::parse(text) {
+            Ok(document) => document,
+            Err(error) => {
+                let at = error.pos();
+                let at = Place::new(at.row as usize, at.col as usize);
+                findings.add(&codes::SYNTAX, at, format!("the XML cannot be read: {error}"));
+                return Self::default();
+            }
+        };
+        let mut scribe = Scribe::new(&document, findings);
+        match scribe.objects.is_empty() {
+            true => {
+                let message = "the XML has no element CANopenObject: it is no data sheet";
+                scribe.findings.add(&codes::SYNTAX, Place::new(1, 1), message);
+            }
+            false => scribe.everything(),
+        }
+        Self { sections: scribe.sections }
+    }
+
+    /// Whether the text is no data sheet, as its finding says.
+    pub(super) fn is_empty(&self) -> bool {
+        self.sections.is_empty()
+    }
+
+    /// The sections in the order of the reader, each once.
+    pub(super) fn sections(&self, findings: &mut Findings) -> Vec<Section<'_>> {
+        let sections = self.sections.iter().map(|section| Section {
+            name: Name::of(&section.title),
+            title: &section.title,
+            at: section.at,
+            keys: section.keys.iter().map(Line::key).collect(),
+        });
+        ini::in_order(sections.collect(), findings)
+    }
+}
+
+impl Line {
+    fn key(&self) -> Key<'_> {
+        Key { name: &self.name, value: &self.value, name_at: self.name_at, at: self.at }
+    }
+}
+
+/// Writes down what the elements say.
+struct Scribe<'d, 'i, 'f> {
+    document: &'d Document<'i>,
+    lines: Lines<'d>,
+    objects: Vec<Node<'d, 'i>>,
+    /// What `uniqueIDRef` refers to: parameters and their data types.
+    referred: HashMap<&'d str, Node<'d, 'i>>,
+    sections: Vec<Written>,
+    findings: &'f mut Findings,
+}
+
+impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
+    fn new(document: &'d Document<'i>, findings: &'f mut Findings) -> Self {
+        let elements = document.descendants().filter(Node::is_element);
+        let referred = elements.clone().filter_map(|it| Some((it.attribute("uniqueID")?, it)));
+        Self {
+            document,
+            lines: Lines::of(document.input_text()),
+            objects: elements.clone().filter(|it| is(it, "CANopenObject")).collect(),
+            referred: referred.collect(),
+            sections: Vec::new(),
+            findings,
+        }
+    }
+
+    fn everything(&mut self) {
+        self.file_info();
+        self.device_info();
+        self.dummy_usage();
+        self.lists();
+        for object in self.objects.clone() {
+            self.object(object);
+        }
+        self.commissioning();
+    }
+
+    /// The first element of that name, wherever it stands: editors nest them differently.
+    fn find(&self, name: &str) -> Option<Node<'d, 'i>> {
+        self.document.descendants().find(|it| is(it, name))
+    }
+
+    fn place(&self, node: Node<'_, '_>) -> Place {
+        self.lines.at(node.range().start)
+    }
+
+    fn section(&mut self, title: impl Into<String>, at: Place) -> &mut Written {
+        self.sections.push(Written { title: title.into(), at, keys: Vec::new() });
+        self.sections.last_mut().expect("it was pushed")
+    }
+
+    /// A key with the value of an attribute.
+    fn line(&self, name: &str, attribute: Attribute<'_, '_>, value: &str) -> Line {
+        Line {
+            name: name.to_owned(),
+            value: in_a_line(value),
+            name_at: self.lines.at(attribute.range().start),
+            at: self.lines.at(attribute.range_value().start),
+        }
+    }
+
+    /// The attributes of an element that have a key, each transcribed.
+    fn attributes(&self, node: Node<'d, 'i>, table: &[Told]) -> Vec<Line> {
+        let told = |(attribute, key, transcribe): &Told| {
+            let attribute = node.attributes().find(|it| it.name() == *attribute)?;
+            Some(self.line(key, attribute, &transcribe(attribute.value().trim())))
+        };
+        table.iter().filter_map(told).collect()
+    }
+
+    fn file_info(&mut self) {
+        let is_body = |it: &Node<'_, '_>| is(it, "ProfileBody") && it.has_attribute("fileName");
+        let Some(body) = self.document.descendants().find(is_body) else { return };
+        let at = self.place(body);
+        let mut keys = self.attributes(body, FILE);
+        // CiA 311 writes both numbers as one version.
+        if let Some(version) = body.attributes().find(|it| it.name() == "fileVersion") {
+            let value = version.value().trim().trim_start_matches(['V', 'v']);
+            let (number, revision) = value.split_once('.').unwrap_or((value, "0"));
+            keys.push(self.line("FileVersion", version, number));
+            keys.push(self.line("FileRevision", version, revision));
+        }
+        // The sections that are made of the elements follow this edition.
+        keys.push(Line::at("EDSVersion", "4.0", at));
+        self.section("FileInfo", at).keys = keys;
+    }
+
+    fn device_info(&mut self) {
+        let identity = self.find("DeviceIdentity").or_else(|| self.find("identity"));
+        let general = self.find("CANopenGeneralFeatures");
+        let Some(at) = identity.or(general).map(|it| self.place(it)) else { return };
+        let mut keys = Vec::new();
+        for child in identity.iter().flat_map(|it| it.children().filter(Node::is_element)) {
+            let known = IDENTITY.iter().find(|(element, _)| is(&child, element));
+            if let Some((_, key)) = known {
+                keys.push(self.element(key, child));
+            }
+        }
+        if let Some(general) = general {
+            let at = self.place(general);
+            keys.extend(self.attributes(general, GENERAL));
+            for (key, value) in [("NrOfRXPDO", "0"), ("NrOfTXPDO", "0"), ("LSS_Supported", "0")] {
+                if !keys.iter().any(|line| line.name == key) {
+                    keys.push(Line::at(key, value, at));
+                }
+            }
+        }
+        if let Some(master) = self.find("CANopenMasterFeatures") {
+            keys.extend(self.attributes(master, MASTER));
+        }
+        keys.push(self.revision(at));
+        keys.extend(self.bit_rates());
+        self.section("DeviceInfo", at).keys = keys;
+    }
+
+    /// The text of an element as a value.
+    fn element(&self, key: &str, node: Node<'d, 'i>) -> Line {
+        let text = node.children().find(Node::is_text);
+        let name_at = self.place(node);
+        Line {
+            name: key.to_owned(),
+            value: in_a_line(text.and_then(|it| it.text()).unwrap_or_default()),
+            name_at,
+            at: text.map_or(name_at, |it| self.place(it)),
+        }
+    }
+
+    /// CiA 311 has the revision number in the dictionary alone.
+    fn revision(&self, at: Place) -> Line {
+        let number = |node: &Node<'_, '_>, name, wanted| {
+            node.attribute(name).and_then(entry::hex).is_some_and(|found| found == wanted)
+        };
+        let identity = self.objects.iter().find(|it| number(it, "index", 0x1018));
+        let sub = identity.and_then(|it| it.children().find(|it| number(it, "subIndex", 3)));
+        let default = sub.and_then(|it| {
+            let keys = self.entry(it);
+            keys.into_iter().find(|line| line.name == "DefaultValue" && !line.value.is_empty())
+        });
+        match default {
+            Some(line) => Line { name: "RevisionNumber".to_owned(), ..line },
+            None => Line::at("RevisionNumber", "0", at),
+        }
+    }
+
+    /// `125 Kbps` as `BaudRate_125=1`.
+    fn bit_rates(&self) -> Vec<Line> {
+        let rates = self.document.descendants().filter(|it| is(it, "supportedBaudRate"));
+        let values = rates.filter_map(|it| it.attributes().find(|it| it.name() == "value"));
+        let line = |value: Attribute<'_, '_>| {
+            let digits = value.value().split_ascii_whitespace().next()?;
+            digits
+                .bytes()
+                .all(|it| it.is_ascii_digit())
+                .then(|| self.line(&format!("BaudRate_{digits}"), value, "1"))
+        };
+        values.filter_map(line).collect()
+    }
+
+    /// `<dummy entry="Dummy0005=1"/>`.
+    fn dummy_usage(&mut self) {
+        let Some(usage) = self.find("dummyUsage") else { return };
+        let mut keys = Vec::new();
+        for entry in usage.children().filter_map(|it| it.attribute_node("entry")) {
+            let dummy = entry.value().split_once('=').filter(|(name, _)| is_dummy(name.trim()));
+            match dummy {
+                Some((name, value)) => keys.push(self.line(name.trim(), entry, value)),
+                None => {
+                    let message = format!("entry {:?} is not like \"Dummy0005=1\"", entry.value());
+                    let at = self.lines.at(entry.range_value().start);
+                    self.findings.add(&codes::SYNTAX, at, message);
+                }
+            }
+        }
+        let at = self.place(usage);
+        self.section("DummyUsage", at).keys = keys;
+    }
+
+    /// The lists follow from the indices; a list of CiA 311 may say how many there are.
+    fn lists(&mut self) {
+        let Some(list) = self.find("CANopenObjectList") else { return };
+        for (kind, counted) in [
+            (List::Mandatory, "mandatoryObjects"),
+            (List::Optional, "optionalObjects"),
+            (List::Manufacturer, "manufacturerObjects"),
+        ] {
+            let indices = self.objects.iter().filter_map(|it| {
+                let attribute = it.attribute_node("index")?;
+                let index = u16::try_from(entry::hex(attribute.value())?).ok()?;
+                (List::of(index) == kind).then_some((attribute, index))
+            });
+            let mut keys: Vec<Line> = (1..)
+                .zip(indices)
+                .map(|(place, (attribute, index))| {
+                    self.line(&place.to_string(), attribute, &format!("0x{index:04X}"))
+                })
+                .collect();
+            let count = match list.attribute_node(counted) {
+                Some(count) => self.line("SupportedObjects", count, count.value()),
+                None => Line::at("SupportedObjects", &keys.len().to_string(), self.place(list)),
+            };
+            keys.push(count);
+            let at = self.place(list);
+            self.section(kind.title(), at).keys = keys;
+        }
+    }
+
+    fn object(&mut self, object: Node<'d, 'i>) {
+        let Some(index) = self.number(object, "index", 0xFFFF) else { return };
+        let (at, keys) = (self.place(object), self.entry(object));
+        self.section(format!("{index:04X}"), at).keys = keys;
+        for sub in object.children().filter(|it| is(it, "CANopenSubObject")) {
+            let Some(number) = self.number(sub, "subIndex", 0xFF) else { continue };
+            let (at, keys) = (self.place(sub), self.entry(sub));
+            self.section(format!("{index:04X}sub{number:X}"), at).keys = keys;
+        }
+    }
+
+    /// The hexadecimal number of an object. One that has none is left out.
+    fn number(&mut self, node: Node<'d, 'i>, name: &str, largest: u32) -> Option<u32> {
+        let text = node.attribute(name);
+        let number = text.and_then(entry::hex).filter(|number| *number <= largest);
+        if number.is_none() {
+            let message = match text {
+                Some(text) => {
+                    format!("{name}: {text:?} is not a hexadecimal number to {largest:X}")
+                }
+                None => format!("{name} is missing"),
+            };
+            self.findings.add(&codes::SYNTAX, self.place(node), message);
+        }
+        number
+    }
+
+    /// The configuration of one device, in an XDC.
+    fn commissioning(&mut self) {
+        let Some(node) = self.find("deviceCommissioning") else { return };
+        let (at, keys) = (self.place(node), self.attributes(node, COMMISSIONING));
+        self.section("DeviceComissioning", at).keys = keys;
+    }
+}
+
+impl Line {
+    /// What CiA 311 has no attribute for, at the place of the element.
+    fn at(name: &str, value: &str, at: Place) -> Self {
+        Self { name: name.to_owned(), value: value.to_owned(), name_at: at, at }
+    }
+}
+
+/// A value has no line ends, and no space around it.
+fn in_a_line(text: &str) -> String {
+    text.replace(['\r', '\n'], " ").trim_ascii().to_owned()
+}
+
+fn is_dummy(name: &str) -> bool {
+    let digits = name.strip_prefix("Dummy").unwrap_or_default();
+    digits.len() == 4 && digits.bytes().all(|it| it.is_ascii_hexdigit())
+}
+
+fn is(node: &Node<'_, '_>, name: &str) -> bool {
+    node.is_element() && node.tag_name().name() == name
+}
+
+/// An attribute, its key in CiA 306, and the value there.
+type Told = (&'static str, &'static str, fn(&str) -> String);
+
+fn as_is(text: &str) -> String {
+    text.to_owned()
+}
+
+fn truth(text: &str) -> String {
+    match text {
+        "true" => "1".to_owned(),
+        "false" => "0".to_owned(),
+        other => other.to_owned(),
+    }
+}
+
+/// `2026-11-21` as `11-21-2026`; another form stays, for the reader to report.
+fn date(text: &str) -> String {
+    match text.split('-').collect::<Vec<_>>().as_slice() {
+        [year, month, day] if year.len() == 4 => format!("{month}-{day}-{year}"),
+        _ => text.to_owned(),
+    }
+}
+
+/// `14:05:00` as `02:05PM`; another form stays.
+fn time(text: &str) -> String {
+    let mut parts = text.splitn(3, ':');
+    let hour = parts.next().and_then(|hour| hour.parse::<u8>().ok()).filter(|hour| *hour < 24);
+    match (hour, parts.next()) {
+        (Some(hour), Some(minute)) if minute.len() == 2 => {
+            let half = if hour < 12 { "AM" } else { "PM" };
+            format!("{:02}:{minute}{half}", (hour + 11) % 12 + 1)
+        }
+        _ => text.to_owned(),
+    }
+}
+
+const FILE: &[Told] = &[
+    ("fileName", "FileName", as_is),
+    ("fileCreator", "CreatedBy", as_is),
+    ("fileCreationDate", "CreationDate", date),
+    ("fileCreationTime", "CreationTime", time),
+    ("fileModificationDate", "ModificationDate", date),
+    ("fileModificationTime", "ModificationTime", time),
+    ("fileModifiedBy", "ModifiedBy", as_is),
+];
+
+const IDENTITY: [(&str, &str); 5] = [
+    ("vendorName", "VendorName"),
+    ("vendorID", "VendorNumber"),
+    ("productName", "ProductName"),
+    ("productID", "ProductNumber"),
+    ("orderNumber", "OrderCode"),
+];
+
+const GENERAL: &[Told] = &[
+    ("granularity", "Granularity", as_is),
+    ("nrOfRxPDO", "NrOfRXPDO", as_is),
+    ("nrOfTxPDO", "NrOfTXPDO", as_is),
+    ("bootUpSlave", "SimpleBootUpSlave", truth),
+    ("groupMessaging", "GroupMessaging", truth),
+    ("dynamicChannels", "DynamicChannelsSupported", as_is),
+    ("layerSettingServiceSlave", "LSS_Supported", truth),
+];
+
+const MASTER: &[Told] = &[("bootUpMaster", "SimpleBootUpMaster", truth)];
+
+const COMMISSIONING: &[Told] = &[
+    ("nodeID", "NodeID", as_is),
+    ("nodeName", "NodeName", as_is),
+    ("actualBaudRate", "Baudrate", as_is),
+    ("networkNumber", "NetNumber", as_is),
+    ("networkName", "NetworkName", as_is),
+    ("CANopenManager", "CANopenManager", truth),
+];

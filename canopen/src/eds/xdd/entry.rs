@@ -1,0 +1,138 @@
+//! An object or a sub-object of CiA 311 as the keys of a section. What its own attributes leave out,
+//! the parameter says that it refers to (`uniqueIDRef`).
+
+use roxmltree::Node;
+
+use super::{Line, Scribe, Told, as_is, is};
+
+impl<'d, 'i> Scribe<'d, 'i, '_> {
+    pub(super) fn entry(&self, node: Node<'d, 'i>) -> Vec<Line> {
+        let mut keys = self.attributes(node, ATTRIBUTES);
+        let parameter = node.attribute("uniqueIDRef").and_then(|id| self.referred.get(id));
+        if let Some(parameter) = parameter {
+            for line in self.parameter(*parameter) {
+                if !keys.iter().any(|it| it.name == line.name) {
+                    keys.push(line);
+                }
+            }
+        }
+        self.mapping(node, &mut keys);
+        keys
+    }
+
+    /// A key says whether an object can be mapped; the access type has the direction.
+    fn mapping(&self, node: Node<'d, 'i>, keys: &mut Vec<Line>) {
+        let Some(attribute) = node.attribute_node("PDOmapping") else { return };
+        let (mapped, access) = match attribute.value().trim() {
+            "no" => ("0", None),
+            "default" | "optional" => ("1", None),
+            "TPDO" => ("1", Some("rwr")),
+            "RPDO" => ("1", Some("rww")),
+            other => (other, None),
+        };
+        let of_access = keys.iter_mut().find(|line| line.name == "AccessType");
+        if let (Some(line), Some(access)) = (of_access, access)
+            && line.value == "rw"
+        {
+            line.value = access.to_owned();
+        }
+        keys.push(self.line("PDOMapping", attribute, mapped));
+    }
+
+    fn parameter(&self, node: Node<'d, 'i>) -> Vec<Line> {
+        let mut keys = self.attributes(node, PARAMETER);
+        let below = |name| node.descendants().find(|it| is(it, name));
+        for (element, key) in [
+            ("defaultValue", "DefaultValue"),
+            ("actualValue", "ParameterValue"),
+            ("minValue", "LowLimit"),
+            ("maxValue", "HighLimit"),
+        ] {
+            let value = below(element).and_then(|it| it.attribute_node("value"));
+            keys.extend(value.map(|it| self.line(key, it, it.value())));
+        }
+        if let Some((at, data_type)) = self.data_type(node) {
+            keys.push(Line::at("DataType", &format!("0x{data_type:04X}"), self.place(at)));
+        }
+        keys
+    }
+
+    /// The basic type of a parameter, also behind the name of a derived one.
+    fn data_type(&self, node: Node<'d, 'i>) -> Option<(Node<'d, 'i>, u16)> {
+        let basic = |node: Node<'d, 'i>| {
+            node.children().find_map(|it| {
+                let (_, code) = TYPES.iter().find(|(name, _)| is(&it, name))?;
+                Some((it, *code))
+            })
+        };
+        let named = || {
+            let reference = node.children().find(|it| is(it, "dataTypeIDRef"))?;
+            basic(*self.referred.get(reference.attribute("uniqueIDRef")?)?)
+        };
+        basic(node).or_else(named)
+    }
+}
+
+/// Hexadecimal digits, with or without `0x` before them.
+pub(super) fn hex(text: &str) -> Option<u32> {
+    let text = text.trim();
+    let digits = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X")).unwrap_or(text);
+    let all = digits.bytes().all(|it| it.is_ascii_hexdigit());
+    all.then(|| u32::from_str_radix(digits, 16).ok()).flatten()
+}
+
+/// CiA 311 writes types and flags in hexadecimal digits alone.
+fn of_digits(text: &str) -> String {
+    hex(text).map_or_else(|| text.to_owned(), |number| format!("0x{number:04X}"))
+}
+
+/// `PDOmapping` is told by [`Scribe::mapping`].
+const ATTRIBUTES: &[Told] = &[
+    ("name", "ParameterName", as_is),
+    ("objectType", "ObjectType", as_is),
+    ("dataType", "DataType", of_digits),
+    ("lowLimit", "LowLimit", as_is),
+    ("highLimit", "HighLimit", as_is),
+    ("accessType", "AccessType", as_is),
+    ("defaultValue", "DefaultValue", as_is),
+    ("actualValue", "ParameterValue", as_is),
+    ("denotation", "Denotation", as_is),
+    ("subNumber", "SubNumber", as_is),
+    ("objFlags", "ObjFlags", of_digits),
+];
+
+const PARAMETER: &[Told] = &[("access", "AccessType", access)];
+
+fn access(text: &str) -> String {
+    match text {
+        "read" => "ro",
+        "write" => "wo",
+        "readWrite" => "rw",
+        "readWriteInput" => "rwr",
+        "readWriteOutput" => "rww",
+        other => other,
+    }
+    .to_owned()
+}
+
+/// The elements of IEC 61131-3 and the codes of CiA 301.
+const TYPES: [(&str, u16); 18] = [
+    ("BOOL", 0x01),
+    ("SINT", 0x02),
+    ("INT", 0x03),
+    ("DINT", 0x04),
+    ("LINT", 0x15),
+    ("USINT", 0x05),
+    ("UINT", 0x06),
+    ("UDINT", 0x07),
+    ("ULINT", 0x1B),
+    ("BYTE", 0x05),
+    ("WORD", 0x06),
+    ("DWORD", 0x07),
+    ("LWORD", 0x1B),
+    ("REAL", 0x08),
+    ("LREAL", 0x11),
+    ("STRING", 0x09),
+    ("BITSTRING", 0x0A),
+    ("WSTRING", 0x0B),
+];

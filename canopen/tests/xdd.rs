@@ -1,0 +1,128 @@
+//! Data sheets as XML (CiA 311): the same description and the same findings as of an EDS.
+
+use canopen::Mux;
+use canopen::eds::{Access, Eds, Places, Reading, decode, read, write, write_xdd};
+use proptest::collection::vec;
+use proptest::prelude::*;
+use proptest::sample::Index;
+
+/// What CiA 311 has no place for is left out.
+fn without_what_is_lost(eds: Eds) -> Eds {
+    let mut eds = eds.without_lines();
+    eds.comments.clear();
+    eds.file.description.clear();
+    eds.file.eds_version = "4.0".to_owned();
+    // That of object 1018h, which these sheets do not have.
+    eds.device.revision_number = 0;
+    eds
+}
+
+#[test]
+fn an_eds_and_its_xdd_say_the_same() {
+    for source in [&include_bytes!("eds/clean.eds")[..], include_bytes!("eds/clean-pdo.eds")] {
+        let eds = read(source);
+        let xdd = read(write_xdd(&eds.eds).as_bytes());
+        assert_eq!(texts(&xdd), [""; 0]);
+        assert_eq!(without_what_is_lost(xdd.eds), without_what_is_lost(eds.eds));
+    }
+}
+
+/// Names, strings and limits that need escaping or have another form in XML.
+#[test]
+fn whatever_a_name_contains() {
+    let mut eds = read(include_bytes!("eds/clean.eds")).eds;
+    eds.device.vendor_name = "a < b & \"c\" > 'd'".to_owned();
+    eds.objects[0].name = "tab\tand\u{1}".to_owned();
+    eds.file.creation_time = "12:30AM".to_owned();
+    eds.file.modification_time = "12:05PM".to_owned();
+    let back = read(write_xdd(&eds).as_bytes()).eds;
+    assert_eq!(back.device.vendor_name, eds.device.vendor_name);
+    assert_eq!(back.objects[0].name, "tab\tand\u{FFFD}");
+    assert_eq!(back.file.creation_time, "12:30AM");
+    assert_eq!(back.file.modification_time, "12:05PM");
+}
+
+#[test]
+fn findings_are_at_the_attributes() {
+    let found = read(FAULTY.as_bytes());
+    assert_eq!(
+        texts(&found),
+        [
+            "8:42: error: SupportedObjects is 4 instead of 3 [eds-list-count]",
+            "10:118: error: DefaultValue: 0x1FF is outside 0 to 255, the range of unsigned8 \
+             [eds-default-range]",
+            "11:132: note: key \"ParameterValue\" belongs into a DCF [eds-dcf]",
+            "12:77: error: object 1018h: SubNumber is 3 instead of 2 [eds-subnumber]",
+            "19:5: note: section [DeviceComissioning] belongs into a DCF [eds-dcf]",
+        ]
+    );
+}
+
+#[test]
+fn what_a_parameter_says_is_taken_from_there() {
+    let eds = read(BY_PARAMETER.as_bytes()).eds;
+    let entry = eds.entry(Mux::new(0x2000, 0)).expect("it is described");
+    assert_eq!((entry.access, entry.mappable), (Access::Rww, true));
+    assert_eq!(entry.data_type, canopen::DataType::INTEGER16);
+    let ends = [&entry.low, &entry.default, &entry.high];
+    let ends = ends.map(|it| it.as_ref().map(|it| it.resolve(1)));
+    assert_eq!(ends, [-5, 7, 900].map(|it| Some(canopen::Value::Int(it))));
+    let derived = eds.entry(Mux::new(0x2001, 0)).expect("it is described");
+    assert_eq!((derived.access, derived.data_type), (Access::Ro, canopen::DataType::UNSIGNED8));
+}
+
+#[test]
+fn places_are_those_of_the_xml() {
+    let text = decode(FAULTY.as_bytes());
+    let place = |sub, key| {
+        let found = Places::of(&text).of_entry(Mux::new(0x1018, sub), key);
+        found.map(|it| (it.line, it.column))
+    };
+    assert_eq!(place(1, None), Some((14, 9)));
+    assert_eq!(place(1, Some("DefaultValue")), Some((14, 102)));
+}
+
+#[test]
+fn xml_that_is_none_or_of_something_else_is_one_finding() {
+    for (text, found) in [
+        ("<a><b></a>", "1:7: error: the XML cannot be read: "),
+        (
+            "<?xml version='1.0'?><!DOCTYPE a [<!ENTITY b 'c'>]><a>&b;</a>",
+            "1:1: error: the XML cannot be read: ",
+        ),
+        ("<a/>", "1:1: error: the XML has no element CANopenObject"),
+    ] {
+        let reading = read(text.as_bytes());
+        let first = texts(&reading).remove(0);
+        assert!(first.starts_with(found), "{first}");
+        assert!(reading.eds.objects.is_empty());
+    }
+}
+
+proptest! {
+    /// Whatever becomes of the text, what is read of it can be written and read again.
+    #[test]
+    fn a_text_that_somebody_spoilt(cuts in vec((any::<Index>(), 0usize..40, ".{0,12}"), 1..6)) {
+        let mut text = [FAULTY, BY_PARAMETER][cuts.len() % 2].to_owned();
+        for (from, length, put) in &cuts {
+            let from = from.index(text.len());
+            let from = (from..).find(|at| text.is_char_boundary(*at)).unwrap_or_default();
+            let end = (text.len().min(from + length)..).find(|at| text.is_char_boundary(*at));
+            text.replace_range(from..end.unwrap_or(from), put);
+        }
+        let first = read(text.as_bytes()).eds.without_lines();
+        let written = write(&first, "");
+        let second = read(written.as_bytes()).eds.without_lines();
+        prop_assert_eq!(format!("{first:#?}"), format!("{second:#?}"), "{}", written);
+        let xdd = read(write_xdd(&first).as_bytes());
+        prop_assert!(first.objects.is_empty() || !texts(&xdd).concat().contains("eds-syntax"));
+    }
+}
+
+fn texts(reading: &Reading) -> Vec<String> {
+    reading.diagnostics.iter().map(ToString::to_string).collect()
+}
+
+const FAULTY: &str = include_str!("xdd/faulty.xdc");
+
+const BY_PARAMETER: &str = include_str!("xdd/by-parameter.xdd");
