@@ -1,9 +1,9 @@
 //! Electronic data sheets (CiA 306): a device's description of itself. The harness knows a device
 //! only through its data sheet.
 //!
-//! [`read`] accepts what vendors really ship and reports every deviation with its place;
-//! An XDD or XDC (CiA 311) is read in the same way. [`write()`] gives the strict form. Text that has no place in an [`Eds`] survives both as
-//! [`unknown`](Eds::unknown).
+//! [`read`] accepts what vendors really ship and reports every deviation with its place; an XDD or
+//! XDC (CiA 311) is read in the same way. [`write()`] gives the strict form. Text that has no place
+//! in an [`Eds`] survives both as [`unknown`](Eds::unknown).
 //!
 //! Conclusions from a data sheet, such as the PDOs that a device has or what may be written, belong
 //! to those who draw them.

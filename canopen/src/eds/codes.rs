@@ -51,8 +51,8 @@ codes! {
     BYTE_ORDER_MARK = Note, "eds-byte-order-mark", "The file starts without a byte order mark.";
     LINE_END = Note, "eds-line-end", "Lines end with CR and LF.";
     SYNTAX = Error, "eds-syntax",
-        "A line is empty, a comment, a section head or `key=value`, and an XDD is well-formed XML of \
-         objects with numbers; others are skipped.";
+        "A line is empty, a comment, a section head or `key=value`, and an XDD is well-formed XML \
+         of objects with numbers; others are skipped.";
     COMMENT = Note, "eds-comment",
         "A comment starts with a semicolon at the start of its line; others are cut off.";
     DUPLICATE_SECTION = Error, "eds-duplicate-section",

@@ -1,5 +1,5 @@
-//! XDD and XDC (CiA 311): a data sheet as XML. Its elements become the sections and keys of CiA 306,
-//! each at its place in the XML, so that one reader has the findings for both forms.
+//! XDD and XDC (CiA 311): a data sheet as XML. Its elements become the sections and keys of CiA
+//! 306, each at its place in the XML, so that one reader has the findings for both forms.
 //!
 //! What CiA 311 says besides, such as labels in several languages, is not read. Keys that it lacks
 //! and CiA 306 demands get the value that means nothing.

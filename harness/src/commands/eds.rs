@@ -80,6 +80,7 @@ fn report(
         _ = writeln!(report, " --> {}:{line}:{column}", path.display());
         let gutter = line.to_string().len();
         if let Some(source) = line.checked_sub(1).and_then(|place| lines.get(place)) {
+            let (source, column) = around(source, column);
             _ = writeln!(report, "{line} | {source}");
             _ = writeln!(report, "{:gutter$} | {:>column$}", "", "^");
         }
@@ -98,6 +99,21 @@ fn report(
         (false, false) => Exit::Green,
     };
     (report, exit)
+}
+
+/// As much of a line as can be read, and the column there: some editors write XML in one line.
+fn around(line: &str, column: usize) -> (String, usize) {
+    const LONGEST: usize = 200;
+    const BEFORE: usize = 80;
+    if line.chars().count() <= LONGEST {
+        return (line.to_owned(), column);
+    }
+    let from = column.saturating_sub(BEFORE);
+    let part: String = line.chars().skip(from).take(LONGEST).collect();
+    match from {
+        0 => (part, column),
+        _ => (format!("... {part}"), column - from + 4),
+    }
 }
 
 /// How much there is, and what was found.
@@ -225,4 +241,19 @@ fn write(files: Vec<(String, String)>, out: Option<&Path>) -> Result<Exit, Refus
 
 fn file_error(path: &Path, error: &std::io::Error) -> Refused {
     Refused { exit: Exit::File, message: format!("error: {}: {}", path.display(), words(error)) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_line_is_shown_around_the_place() {
+        assert_eq!(around("short", 3), ("short".to_owned(), 3));
+        let line = format!("{}X{}", "a".repeat(500), "b".repeat(500));
+        let (part, column) = around(&line, 501);
+        assert_eq!(part.chars().nth(column - 1), Some('X'));
+        assert!(part.starts_with("... a") && part.len() == 204);
+        assert_eq!(around(&line, 5).1, 5);
+    }
 }

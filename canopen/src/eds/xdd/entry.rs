@@ -1,5 +1,5 @@
-//! An object or a sub-object of CiA 311 as the keys of a section. What its own attributes leave out,
-//! the parameter says that it refers to (`uniqueIDRef`).
+//! An object or a sub-object of CiA 311 as the keys of a section. What its own attributes leave
+//! out, the parameter says that it refers to (`uniqueIDRef`).
 
 use roxmltree::Node;
 
