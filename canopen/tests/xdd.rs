@@ -60,7 +60,9 @@ fn findings_are_at_the_attributes() {
 
 #[test]
 fn what_a_parameter_says_is_taken_from_there() {
-    let eds = read(BY_PARAMETER.as_bytes()).eds;
+    let Reading { eds, diagnostics } = read(BY_PARAMETER.as_bytes());
+    let keys = diagnostics.iter().filter(|it| it.code == "eds-unknown-key");
+    assert_eq!(keys.count(), 0, "{diagnostics:#?}");
     let entry = eds.entry(Mux::new(0x2000, 0)).expect("it is described");
     assert_eq!((entry.access, entry.mappable), (Access::Rww, true));
     assert_eq!(entry.data_type, canopen::DataType::INTEGER16);
@@ -69,6 +71,8 @@ fn what_a_parameter_says_is_taken_from_there() {
     assert_eq!(ends, [-5, 7, 900].map(|it| Some(canopen::Value::Int(it))));
     let derived = eds.entry(Mux::new(0x2001, 0)).expect("it is described");
     assert_eq!((derived.access, derived.data_type), (Access::Ro, canopen::DataType::UNSIGNED8));
+    let element = eds.entry(Mux::new(0x2002, 1)).expect("it is described");
+    assert_eq!((element.access, element.data_type), (Access::Rwr, canopen::DataType::UNSIGNED8));
 }
 
 #[test]

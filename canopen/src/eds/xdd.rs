@@ -377,13 +377,17 @@ fn date(text: &str) -> String {
     }
 }
 
-/// `14:05:00` as `02:05PM`; another form stays.
+/// `14:05:00` and `2:05:00 PM` as `02:05PM`; another form stays.
 fn time(text: &str) -> String {
     let mut parts = text.splitn(3, ':');
     let hour = parts.next().and_then(|hour| hour.parse::<u8>().ok()).filter(|hour| *hour < 24);
     match (hour, parts.next()) {
         (Some(hour), Some(minute)) if minute.len() == 2 => {
-            let half = if hour < 12 { "AM" } else { "PM" };
+            let half = match text.get(text.len().saturating_sub(2)..) {
+                Some(half @ ("AM" | "PM")) => half,
+                _ if hour < 12 => "AM",
+                _ => "PM",
+            };
             format!("{:02}:{minute}{half}", (hour + 11) % 12 + 1)
         }
         _ => text.to_owned(),
@@ -428,3 +432,23 @@ const COMMISSIONING: &[Told] = &[
     ("networkName", "NetworkName", as_is),
     ("CANopenManager", "CANopenManager", truth),
 ];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_and_dates_of_editors() {
+        for (text, expected) in [
+            ("14:05:00", "02:05PM"),
+            ("00:30:00.0000000+02:00", "12:30AM"),
+            ("12:00:00", "12:00PM"),
+            ("9:48:42 PM", "09:48PM"),
+            ("soon", "soon"),
+        ] {
+            assert_eq!(time(text), expected, "{text}");
+        }
+        assert_eq!(date("2020-09-27"), "09-27-2020");
+        assert_eq!(date("27.9.2020"), "27.9.2020");
+    }
+}

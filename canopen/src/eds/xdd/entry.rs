@@ -9,7 +9,9 @@ impl<'d, 'i> Scribe<'d, 'i, '_> {
     pub(super) fn entry(&self, node: Node<'d, 'i>) -> Vec<Line> {
         let mut keys = self.attributes(node, ATTRIBUTES);
         let parameter = node.attribute("uniqueIDRef").and_then(|id| self.referred.get(id));
-        if let Some(parameter) = parameter {
+        // The parameter of an array or a record describes the whole of it, which is no value.
+        let is_value = !node.children().any(|it| is(&it, "CANopenSubObject"));
+        if let Some(parameter) = parameter.filter(|_| is_value) {
             for line in self.parameter(*parameter) {
                 if !keys.iter().any(|it| it.name == line.name) {
                     keys.push(line);
