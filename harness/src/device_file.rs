@@ -13,7 +13,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer};
 
-use crate::command_line::words_of;
+use crate::command_line::{CommandLine, is_path};
 use crate::files::read_source;
 use crate::hook::Program;
 use crate::nearest::did_you_mean;
@@ -241,13 +241,13 @@ impl DeviceFile {
             (!there).then(|| (*place, format!("there is no file {}", self.path(value).display())))
         });
         let programs = said.reset.iter().chain(&said.power).filter_map(|At { value, place }| {
-            let parts = match words_of(value) {
-                Ok(parts) => parts,
+            let line = match CommandLine::parse_in(&self.folder, value) {
+                Ok(line) => line,
                 Err(wrong) => return Some((*place, wrong)),
             };
             // The name of a program is looked for elsewhere.
-            let program = parts.first().filter(|word| word.contains('/'))?;
-            let path = self.path(Path::new(program));
+            let program = line.words.first().filter(|word| is_path(word))?;
+            let path = self.path(&line.folder.unwrap_or_default()).join(program);
             let name = path.display();
             let wrong = match fs::metadata(&path) {
                 Err(_) => format!("there is no program {name}"),
@@ -303,15 +303,14 @@ impl DeviceFile {
         Some(self.command(bench))
     }
 
-    /// A program with its arguments, where they are.
+    /// A command line whose paths are relative to this program. What is wrong with it is said when
+    /// it is started.
     fn command(&self, command: &str) -> String {
-        let words = command.split(' ').map(|word| {
-            let path = self.path(Path::new(word));
-            // The name of a program is looked for elsewhere.
-            let is_ours = word.contains('/') || path.is_file();
-            if is_ours { path.display().to_string() } else { word.to_owned() }
-        });
-        words.collect::<Vec<_>>().join(" ")
+        let line = CommandLine::parse_in(&self.folder, command);
+        line.map_or_else(
+            |_| command.to_owned(),
+            |line| line.from(|path| self.path(path)).to_string(),
+        )
     }
 
     /// The programs that bring the device back.

@@ -1,8 +1,9 @@
 //! The user's programs for bringing a device back.
 
+use std::io;
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, ExitStatus, Stdio};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::Duration;
@@ -12,7 +13,7 @@ use nix::sys::signal::{Signal, killpg};
 use nix::unistd::Pid;
 use runner::dut::{Hook, Look};
 
-use crate::command_line::words_of;
+use crate::command_line::CommandLine;
 use crate::files::words;
 
 /// How long a program may take.
@@ -20,7 +21,7 @@ const LIMIT: Duration = Duration::from_secs(60);
 /// The interval at which the bus is polled in the meantime, which notices an interruption.
 const TURN: Duration = Duration::from_millis(100);
 
-/// A program with its arguments, which blanks separate, and where it runs.
+/// A program by its command line, and where it runs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Program {
     /// As the user writes it.
@@ -43,18 +44,11 @@ impl Hook for Program {
 }
 
 /// Its path and its arguments are relative to the folder of the device file.
-fn start(hook: &Program, argument: Option<&str>) -> std::io::Result<Child> {
-    let parts = words_of(&hook.command).map_err(std::io::Error::other)?;
-    let program = &parts[0];
-    let path = match program.contains('/') {
-        true => hook.folder.join(program),
-        false => program.into(),
-    };
-    let folder = if hook.folder.as_os_str().is_empty() { ".".as_ref() } else { &*hook.folder };
-    Command::new(path.canonicalize().unwrap_or(path))
-        .args(&parts[1..])
+fn start(hook: &Program, argument: Option<&str>) -> io::Result<Child> {
+    let line = CommandLine::parse_in(&hook.folder, &hook.command).map_err(io::Error::other)?;
+    let mut command = line.command(&hook.folder).map_err(io::Error::other)?;
+    command
         .args(argument)
-        .current_dir(folder)
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         // Its own process group: children of the hook end with it, and Ctrl-C reaches only the

@@ -9,7 +9,8 @@ use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::Shutdown;
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::CommandExt;
-use std::process::{Child, Command, Stdio};
+use std::path::Path;
+use std::process::{Child, Stdio};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex};
 use std::thread;
@@ -22,7 +23,7 @@ use nix::unistd::Pid;
 use serde::Deserialize;
 use serde_json::{Value as Json, json};
 
-use crate::command_line::words_of;
+use crate::command_line::CommandLine;
 use crate::files::words;
 
 /// How long a rig may take to answer, and a socket to be there again.
@@ -53,7 +54,7 @@ enum End {
 }
 
 impl Rig {
-    /// Opens `unix:PATH`, or starts a program with its arguments, which blanks separate.
+    /// Opens `unix:PATH`, or starts a program by its command line.
     ///
     /// # Errors
     /// When there is no such thing.
@@ -65,9 +66,10 @@ impl Rig {
                 .and_then(|socket| Self::behind(text, socket))
                 .map_err(failed);
         }
-        let parts = words_of(text).map_err(BenchError)?;
-        let mut program = Command::new(&parts[0])
-            .args(&parts[1..])
+        let line = CommandLine::parse(text).map_err(BenchError)?;
+        let program = line.command(Path::new(""));
+        let program = program.map_err(|why| BenchError(format!("the bench {text}: {why}")));
+        let mut program = program?
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             // Its own process group: children of the rig end with it, and Ctrl-C reaches only the

@@ -56,6 +56,37 @@ fn a_program_with_a_defect_fails_where_it_does_in_virtual_time() {
     assert!(found.cases().any(|(_, case)| case.verdict() == Verdict::Fail));
 }
 
+/// A device file says where the program runs and what is in its environment, for the program, the
+/// bench and the hooks alike. Its paths are relative to the file.
+#[test]
+fn a_program_runs_where_it_is_told_with_what_it_is_told() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, text: &str| {
+        fs::write(folder.path().join(name), text).expect("it is written");
+    };
+    fs::create_dir(folder.path().join("my build")).expect("it is made");
+    write("my build/device.sh", "exec \"$HARNESS\" serve $DEVICE --stdio\n");
+    let program = env!("CARGO_BIN_EXE_harness");
+    let line = |folder, device| {
+        format!("exec:cd {folder} && HARNESS={program} DEVICE='{device}' sh ./device.sh")
+    };
+    let file = |line: &str| write("dut.yaml", &format!("target: \"{line}\"\nnode: 7\n"));
+    let scan = || {
+        let mut run = harness();
+        run.args(["cia301/nmt/enter-pre-operational", "-q", "--dut"]).arg(folder.path().join("dut.yaml"));
+        let output = run.output().expect("the program starts");
+        let said = [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text));
+        (output.status.code(), said.concat())
+    };
+    file(&line("'my build'", "generic --node 7"));
+    let (code, said) = scan();
+    assert_eq!(code, Some(0), "{said}");
+    file(&line("elsewhere", "generic"));
+    let (code, said) = scan();
+    let why = format!("there is no folder {}", folder.path().join("elsewhere").display());
+    assert!(code == Some(6) && said.contains(&why), "{said}");
+}
+
 /// What no document allows is done once: by the device in the case, since no attempt after it
 /// shows it.
 #[test]

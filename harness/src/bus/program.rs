@@ -3,7 +3,8 @@
 
 use std::io;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::path::Path;
+use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
@@ -15,7 +16,7 @@ use runner::stop::Stop;
 use super::lines::{Clock, Ending, Lines, OfCandump};
 use super::socketcan::SocketCan;
 use super::watch::Watch;
-use crate::command_line::words_of;
+use crate::command_line::CommandLine;
 use crate::files::words;
 
 /// The environment variable that names the interface to a program that uses one.
@@ -23,30 +24,42 @@ const INTERFACE: &str = "CAN_INTERFACE";
 
 /// A program that was started.
 #[derive(Debug)]
-struct Process {
+pub(super) struct Process {
     child: Child,
 }
 
 impl Process {
-    /// Starts a program with its arguments, [split](words_of) as a shell splits them.
+    /// Starts a program by its [command line](CommandLine).
     fn start(
         command: &str,
         watch: Option<&Arc<Watch>>,
         set_up: impl FnOnce(&mut Command),
     ) -> Result<Self, BusError> {
-        let parts = words_of(command).map_err(BusError::Open)?;
-        let mut started = Command::new(&parts[0]);
-        // Its own process group: children of the program end with it, and Ctrl-C reaches only the
-        // harness.
-        started.args(&parts[1..]).process_group(0);
+        let cannot =
+            |why: String| BusError::Open(format!("the program `{command}` cannot be started: {why}"));
+        let line = CommandLine::parse(command).map_err(BusError::Open)?;
+        let mut started = line.command(Path::new("")).map_err(cannot)?;
         set_up(&mut started);
         if let Some(watch) = watch {
             watch.set_up(&mut started);
         }
-        let child = started.spawn().map_err(|error| {
-            BusError::Open(format!("the program `{command}` cannot be started: {}", words(&error)))
-        })?;
-        Ok(Self { child })
+        Self::of(started).map_err(|error| cannot(words(&error)))
+    }
+
+    /// Starts a program.
+    ///
+    /// # Errors
+    /// Whatever the system says.
+    pub(super) fn of(mut command: Command) -> io::Result<Self> {
+        // Its own process group: children of the program end with it, and Ctrl-C reaches only the
+        // harness.
+        command.process_group(0);
+        Ok(Self { child: command.spawn()? })
+    }
+
+    /// Its standard input and output, if they are pipes that nobody has taken.
+    pub(super) fn pipes(&mut self) -> Option<(ChildStdin, ChildStdout)> {
+        self.child.stdin.take().zip(self.child.stdout.take())
     }
 }
 
@@ -182,7 +195,7 @@ fn start_on_pipes(
     let mut process = Process::start(command, watch, |started| {
         started.stdin(Stdio::piped()).stdout(Stdio::piped());
     })?;
-    let (Some(to), Some(from)) = (process.child.stdin.take(), process.child.stdout.take()) else {
+    let Some((to, from)) = process.pipes() else {
         return Err(BusError::Open(format!("the program `{command}` has no pipes")));
     };
     Ok((process, Lines::new(from, to, clock, stop.clone(), OfCandump)))
