@@ -7,12 +7,15 @@ mod bell;
 mod calendar;
 mod echo;
 mod far_clock;
+pub mod gs_usb;
 mod lines;
 mod port;
 mod program;
+mod python_can;
 mod slcan;
 pub mod socketcan;
 mod socketcand;
+mod trouble;
 mod watch;
 
 use std::fmt;
@@ -21,14 +24,19 @@ use std::sync::Arc;
 
 use canopen::{Bus, BusError};
 
+use gs_usb::GS_USB;
 use program::{OnInterface, OnPipes};
+use python_can::PYTHON_CAN;
 use socketcan::SocketCan;
 
 use runner::stop::Stop;
 
 pub use bell::Bell;
 pub use calendar::unix_time;
+pub use gs_usb::GsUsb;
 pub use lines::Stdio;
+pub use python_can::PythonCan;
+pub(crate) use python_can::plugged_in as of_python_can;
 pub use slcan::Slcan;
 pub use socketcand::Socketcand;
 pub(crate) use watch::{Reached, Watch};
@@ -51,6 +59,10 @@ pub enum Interface {
     Slcan(Slcan),
     /// An interface of another machine, `socketcand://host:29536/can0`.
     Socketcand(Socketcand),
+    /// An adapter that python-can drives, `python-can:pcan:PCAN_USBBUS1`.
+    PythonCan(PythonCan),
+    /// An adapter with the protocol gs_usb, `gs_usb:` or `gs_usb:SERIAL`.
+    GsUsb(GsUsb),
 }
 
 impl Interface {
@@ -64,13 +76,18 @@ impl Interface {
             // The protocols have no question for it.
             Self::Slcan(adapter) => adapter.bit_rate,
             Self::Socketcand(interface) => interface.is_virtual().then_some(usual),
+            Self::PythonCan(bus) => bus.bit_rate().or(bus.is_virtual().then_some(usual)),
+            Self::GsUsb(adapter) => adapter.bit_rate,
         }
     }
 
     /// The bit rate that it is set to, in bit/s; `None` also where there is none.
     pub fn own_bit_rate(&self) -> Option<u32> {
-        if let Self::Slcan(adapter) = self {
-            return adapter.bit_rate;
+        match self {
+            Self::Slcan(adapter) => return adapter.bit_rate,
+            Self::PythonCan(bus) => return bus.bit_rate(),
+            Self::GsUsb(adapter) => return adapter.bit_rate,
+            Self::SocketCan(_) | Self::Program { .. } | Self::Socketcand(_) => {}
         }
         let name = self.network()?;
         if SocketCan::is_virtual(name) { None } else { SocketCan::bit_rate(name, 0) }
@@ -79,8 +96,11 @@ impl Interface {
     /// The same interface at this bit rate in bit/s, if one is said and opening it sets one.
     #[must_use]
     pub fn at_bit_rate(mut self, said: Option<u32>) -> Self {
-        if let Self::Slcan(adapter) = &mut self {
-            adapter.bit_rate = said.or(adapter.bit_rate);
+        match (&mut self, said) {
+            (Self::Slcan(adapter), Some(said)) => adapter.bit_rate = Some(said),
+            (Self::PythonCan(bus), Some(said)) => bus.set_bit_rate(said),
+            (Self::GsUsb(adapter), Some(said)) => adapter.bit_rate = Some(said),
+            _ => {}
         }
         self
     }
@@ -94,7 +114,11 @@ impl Interface {
     pub const fn is_program(&self) -> bool {
         match self {
             Self::Program { .. } => true,
-            Self::SocketCan(_) | Self::Slcan(_) | Self::Socketcand(_) => false,
+            Self::SocketCan(_)
+            | Self::Slcan(_)
+            | Self::Socketcand(_)
+            | Self::PythonCan(_)
+            | Self::GsUsb(_) => false,
         }
     }
 
@@ -104,7 +128,11 @@ impl Interface {
         match self {
             Self::Slcan(adapter) => adapter.is_on_this_machine(),
             Self::Socketcand(interface) => interface.is_on_this_machine(),
-            _ => self.is_program() || self.network().is_some_and(SocketCan::is_virtual),
+            Self::PythonCan(bus) => bus.is_virtual(),
+            Self::GsUsb(_) => false,
+            Self::SocketCan(_) | Self::Program { .. } => {
+                self.is_program() || self.network().is_some_and(SocketCan::is_virtual)
+            }
         }
     }
 
@@ -113,7 +141,11 @@ impl Interface {
     pub fn network(&self) -> Option<&str> {
         match self {
             Self::SocketCan(name) | Self::Program { on: Some(name), .. } => Some(name),
-            Self::Program { on: None, .. } | Self::Slcan(_) | Self::Socketcand(_) => None,
+            Self::Program { on: None, .. }
+            | Self::Slcan(_)
+            | Self::Socketcand(_)
+            | Self::PythonCan(_)
+            | Self::GsUsb(_) => None,
         }
     }
 
@@ -144,6 +176,8 @@ impl Interface {
             }
             Self::Slcan(adapter) => Ok(Box::new(adapter.open(stop)?)),
             Self::Socketcand(interface) => Ok(Box::new(interface.open(stop)?)),
+            Self::PythonCan(bus) => Ok(Box::new(bus.open(stop)?)),
+            Self::GsUsb(adapter) => adapter.open(stop),
         }
     }
 }
@@ -157,6 +191,8 @@ impl fmt::Display for Interface {
             Self::Program { command, on: Some(name) } => write!(f, "exec@{name}:{command}"),
             Self::Slcan(adapter) => write!(f, "{SLCAN}{adapter}"),
             Self::Socketcand(interface) => write!(f, "{SOCKETCAND}{interface}"),
+            Self::PythonCan(bus) => write!(f, "{PYTHON_CAN}{bus}"),
+            Self::GsUsb(adapter) => write!(f, "{GS_USB}{adapter}"),
         }
     }
 }
@@ -174,6 +210,12 @@ impl FromStr for Interface {
         }
         if let Some(interface) = text.strip_prefix(SOCKETCAND) {
             return interface.parse().map(Self::Socketcand).map_err(why);
+        }
+        if let Some(bus) = text.strip_prefix(PYTHON_CAN) {
+            return bus.parse().map(Self::PythonCan).map_err(why);
+        }
+        if let Some(adapter) = text.strip_prefix(GS_USB) {
+            return adapter.parse().map(Self::GsUsb).map_err(why);
         }
         if let Some((exec, command)) = text.split_once(':') {
             let on = match exec.strip_prefix("exec").ok_or(NO)? {
@@ -229,7 +271,13 @@ mod tests {
                 Some("slcan:/dev/ttyACM0,serial=57600,bitrate=500000".parse().unwrap())
             }
             Some(Interface::Slcan(_)) => Some("socketcand://rig:29536/can0".parse().unwrap()),
-            Some(Interface::Socketcand(_)) => None,
+            Some(Interface::Socketcand(_)) => {
+                Some("python-can:pcan:PCAN_USBBUS1,bitrate=500000,fd=False".parse().unwrap())
+            }
+            Some(Interface::PythonCan(_)) => {
+                Some("gs_usb:0042,channel=1,bitrate=500000".parse().unwrap())
+            }
+            Some(Interface::GsUsb(_)) => None,
         }
     }
 
@@ -245,6 +293,10 @@ mod tests {
             ("slcan:tcp://rig:2000", false),
             ("socketcand://localhost/vcan0", true),
             ("socketcand://rig/can0", false),
+            ("python-can:virtual:1", true),
+            ("python-can:socketcan:vcan0", true),
+            ("python-can:pcan", false),
+            ("gs_usb:", false),
         ] {
             let interface: Interface = text.parse().expect("an interface");
             assert_eq!(interface.is_on_this_machine(), is_here, "{text}");
@@ -270,6 +322,12 @@ mod tests {
             ("slcan:tcp://rig:1,serial=9600", "`,serial=9600`: "),
             ("socketcand://rig", "is `socketcand://host:29536/can0`"),
             ("socketcand:rig/can0", "is `socketcand://host:29536/can0`"),
+            ("python-can:", "`python-can:INTERFACE:CHANNEL`"),
+            ("python-can:a b:1", "`python-can:INTERFACE:CHANNEL`"),
+            ("python-can:pcan:1,fast", "`,fast`: `,KEY=VALUE`"),
+            ("python-can:pcan:1,a=1,a=2", "`,a=2`: `,KEY=VALUE`"),
+            ("gs_usb:,fast", "`,fast`: `,bitrate=500000`"),
+            ("gs_usb:,channel=300", "`,channel=300`: "),
         ] {
             let why = text.parse::<Interface>().unwrap_err().why.expect(text);
             assert!(why.contains(part), "{text}: {why}");
@@ -289,5 +347,9 @@ mod tests {
         assert_eq!(adapter.clone().at_bit_rate(None), adapter);
         let other = adapter.at_bit_rate(Some(500_000));
         assert_eq!(other.to_string(), "slcan:/dev/ttyACM0,bitrate=500000");
+        let adapter: Interface = "python-can:pcan:1,bitrate=125000,fd=False".parse().unwrap();
+        assert_eq!(adapter.bit_rate(1_000_000), Some(125_000));
+        let other = adapter.at_bit_rate(Some(500_000));
+        assert_eq!(other.to_string(), "python-can:pcan:1,fd=False,bitrate=500000");
     }
 }

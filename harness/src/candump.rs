@@ -93,7 +93,7 @@ fn in_columns<'w>(id: &str, words: &mut impl Iterator<Item = &'w str>) -> Result
 }
 
 /// Seconds with a fraction of up to nine digits.
-fn seconds(text: &str) -> Option<Instant> {
+pub(crate) fn seconds(text: &str) -> Option<Instant> {
     let (whole, fraction) = text.split_once('.').unwrap_or((text, ""));
     let digits = |text: &str| text.bytes().all(|digit| digit.is_ascii_digit());
     if !digits(whole) || !digits(fraction) || fraction.len() > 9 {

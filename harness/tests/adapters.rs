@@ -6,18 +6,33 @@ mod adapter;
 #[path = "common/agree.rs"]
 mod agree;
 mod common;
+#[path = "common/gs_usb.rs"]
+mod gs_usb;
+#[path = "common/python.rs"]
+mod python;
 #[path = "common/record.rs"]
 mod record;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::mpsc;
 use std::time::Duration;
 
 use adapter::{Fault, Manner};
+use canopen::{Bus, VirtualBus, eds};
 use common::harness;
-use reports::{CaseRun, Outcome, Run, Verdict};
+use harness::bus::GsUsb;
+use reference_devices::devices;
+use reference_devices::rules::Rules;
+use reference_devices::stack::Node;
+use reports::{CaseRun, Event, Outcome, Run, Verdict};
+use runner::dut::Dut;
+use runner::plan::plan;
+use runner::run::{Ending, Policy, Session, Undo, Unobserved};
+use runner::stop::Stop;
+use runner::suite::Library;
+use runner::waivers::Waivers;
 use tempfile::TempDir;
 
 const SERVED: &str = "generic --node 5";
@@ -28,15 +43,19 @@ const CASES: [&str; 3] = ["cia301/nmt", "cia301/sdo*", "cia301/heartbeat"];
 const AFTER: usize = 150;
 
 fn run(target: &str, cases: &[&str]) -> (Run, Output) {
-    let (folder, output) = recorded(target, cases);
+    run_by(harness(), target, cases)
+}
+
+fn run_by(program: Command, target: &str, cases: &[&str]) -> (Run, Output) {
+    let (folder, output) = recorded(program, target, cases);
     (record::read(&folder.path().join(JOURNAL)), output)
 }
 
 /// Runs cases, with a journal in a folder.
-fn recorded(target: &str, cases: &[&str]) -> (TempDir, Output) {
+fn recorded(program: Command, target: &str, cases: &[&str]) -> (TempDir, Output) {
     let folder = tempfile::tempdir().expect("a folder");
     let journal = folder.path().join(JOURNAL);
-    let mut run = harness();
+    let mut run = program;
     run.args(cases).args(["-q", "--no-progress", "--target", target, "--journal"]).arg(&journal);
     let output = run.output().expect("the program starts");
     assert!(journal.exists(), "{}", said(&output));
@@ -52,12 +71,17 @@ fn said(output: &Output) -> String {
 
 /// Compares what is found there with what is found in virtual time.
 fn compare(target: &str) -> Run {
-    let (mut found, output) = run(target, &CASES);
+    compare_by(harness, target)
+}
+
+/// The same with a program that is started in this way.
+fn compare_by(program: impl Fn() -> Command, target: &str) -> Run {
+    let (mut found, output) = run_by(program(), target, &CASES);
     let (mut expected, _) = run("sim:generic", &CASES);
     leave_out_what_is_simulated([&mut expected, &mut found]);
     assert!(expected.cases().count() > 50, "{}", said(&output));
     agree::agree(&expected, &found, |names| {
-        run(target, &names.iter().map(String::as_str).collect::<Vec<_>>()).0
+        run_by(program(), target, &names.iter().map(String::as_str).collect::<Vec<_>>()).0
     });
     found
 }
@@ -108,6 +132,146 @@ fn an_interface_of_socketcand_gets_the_verdicts_of_virtual_time() {
     let found = compare(&format!("socketcand://{address}/can0"));
     let times = times(&found);
     assert!(times.contains("the time stamps of the server"), "{times}");
+}
+
+/// Its bus ends at its process, so the device is there, too.
+#[test]
+#[ignore = "needs python-can: PYTHON names an interpreter that has it"]
+fn a_virtual_bus_of_python_can_gets_the_verdicts_of_virtual_time() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let beside = folder.path().join("sitecustomize.py");
+    fs::copy(python::SCRIPT, beside).expect("it is copied");
+    let program = || {
+        let mut command = harness();
+        command.env("PYTHONPATH", folder.path()).env("BUS", "virtual:bench");
+        command.env("DEVICE", python::device(SERVED));
+        command
+    };
+    let times = times(&compare_by(program, "python-can:virtual:bench"));
+    assert!(times.contains("the time stamps of the driver"), "{times}");
+    assert!(times.contains("those of their echoes"), "{times}");
+}
+
+#[test]
+#[ignore = "needs python-can: PYTHON names an interpreter that has it"]
+fn a_shared_bus_of_python_can_gets_the_verdicts_of_virtual_time() {
+    let (_device, target) = python::on_multicast(2, SERVED);
+    let times = times(&compare(&target));
+    assert!(times.contains("those of their echoes"), "{times}");
+}
+
+/// Exit code 6, and the words of python-can.
+#[test]
+#[ignore = "needs python-can: PYTHON names an interpreter that has it"]
+fn what_python_can_does_not_open_is_said() {
+    for (target, part) in [
+        ("python-can:no_such:1", "python-can does not open python-can:no_such:1: "),
+        ("python-can:socketcan:no-such0", "python-can does not open "),
+    ] {
+        let output = harness().args(["scan", "--target", target]).output().unwrap();
+        assert_eq!(output.status.code(), Some(6), "{}", said(&output));
+        assert!(said(&output).contains(part), "{}", said(&output));
+    }
+}
+
+#[test]
+fn without_python_the_way_to_it_is_said() {
+    let mut scan = harness();
+    scan.env("PYTHON", "no-such-python").args(["scan", "--target", "python-can:virtual:1"]);
+    let output = scan.output().unwrap();
+    assert_eq!(output.status.code(), Some(6), "{}", said(&output));
+    assert!(said(&output).contains("`no-such-python` cannot be started"), "{}", said(&output));
+}
+
+fn generic() -> Node {
+    let device = devices::device("generic").expect("it is a reference device");
+    device.node(5, Rules::default())
+}
+
+/// Runs cases of these topics in this process, on an adapter with gs_usb.
+fn on_gs_usb(adapter: gs_usb::Adapter, topics: &[&str]) -> (Vec<(String, Verdict)>, Ending) {
+    let stop = Stop::default();
+    let target: GsUsb = ",bitrate=1000000".parse().expect("it names one");
+    let bus = target.open_on(gs_usb::plugged_in(adapter, generic), &stop);
+    in_process(&mut *bus.expect("it is there"), topics)
+}
+
+/// Runs cases of these topics in this process.
+fn in_process(bus: &mut dyn Bus, topics: &[&str]) -> (Vec<(String, Verdict)>, Ending) {
+    const RATE: u32 = 1_000_000;
+    let device = devices::device("generic").expect("it is a reference device");
+    let eds = eds::read(device.eds_text().as_bytes()).eds;
+    let library = Library::built_in().expect("the suites load");
+    let mut dut = Dut { bit_rate: Some(RATE), ..Dut::new("generic", 5, eds) };
+    dut.shares_its_machine = bus.is_real();
+    let mut plan = plan(&library, &dut, &BTreeMap::new()).expect("the suites fit the device");
+    plan.instances.retain(|instance| topics.contains(&instance.suite.name()));
+    let session = Session {
+        plan: &plan,
+        register: &library.register,
+        policy: Policy::at_bit_rate(RATE),
+        rerun: String::new(),
+        waivers: &Waivers::default(),
+        max_fail: None,
+        stop: &Stop::default(),
+        undo: &Undo::default(),
+        observer: &Unobserved,
+    };
+    let (mut name, mut verdicts) = (String::new(), Vec::new());
+    let ending = session.run(bus, &mut |event| match event {
+        Event::CaseStarted(case) => name = case.name(),
+        Event::CaseEnded(case) => verdicts.push((name.clone(), case.outcome.verdict())),
+        _ => {}
+    });
+    verdicts.sort();
+    (verdicts, ending)
+}
+
+/// What is judged by contents and by time, and needs no bench.
+const TOPICS: [&str; 3] = ["cia301/nmt", "cia301/sdo-expedited", "cia301/heartbeat"];
+
+fn in_virtual_time() -> Vec<(String, Verdict)> {
+    let mut bus = VirtualBus::new(1_000_000);
+    bus.attach(generic());
+    in_process(&mut bus, &TOPICS).0
+}
+
+#[test]
+fn an_adapter_with_gs_usb_gets_the_verdicts_of_virtual_time() {
+    let expected = in_virtual_time();
+    assert!(expected.len() > 20, "{}", expected.len());
+    for is_simple in [false, true] {
+        let adapter = gs_usb::Adapter { is_simple, ..gs_usb::Adapter::default() };
+        let (found, _) = on_gs_usb(adapter, &TOPICS);
+        let names = |all: &[(String, Verdict)]| -> Vec<String> {
+            all.iter().map(|(name, _)| name.clone()).collect()
+        };
+        assert_eq!(names(&found), names(&expected));
+        // What only virtual time has minutes for is skipped, and a busy machine decides nothing.
+        let differs = found.iter().zip(&expected).filter(|((_, found), (_, expected))| {
+            found != expected && ![Verdict::Skip, Verdict::Error, Verdict::Flaky].contains(found)
+        });
+        assert_eq!(differs.collect::<Vec<_>>(), [], "{is_simple}");
+        let passed = found.iter().filter(|(_, verdict)| *verdict == Verdict::Pass).count();
+        assert!(passed > 20, "{found:?}");
+    }
+}
+
+/// Each fault in the middle of a run: every case is in the report, and the run goes on where it
+/// can.
+#[test]
+fn a_fault_of_an_adapter_with_gs_usb_leaves_a_complete_report() {
+    let expected = in_virtual_time();
+    for fault in [gs_usb::Fault::Gone, gs_usb::Fault::Garbage, gs_usb::Fault::BusOff] {
+        let adapter = gs_usb::Adapter { after: 150, fault: Some(fault), ..Default::default() };
+        let (found, ending) = on_gs_usb(adapter, &TOPICS);
+        assert_eq!(found.len(), expected.len(), "{ending:?}");
+        let count = |which| found.iter().filter(|(_, verdict)| *verdict == which).count();
+        assert_eq!(count(Verdict::Fail), 0, "{found:?}");
+        assert!(count(Verdict::Pass) > 0, "{found:?}");
+        let is_gone = fault == gs_usb::Fault::Gone;
+        assert_eq!(count(Verdict::Pass) > 20, !is_gone, "{found:?}");
+    }
 }
 
 /// A device behind an adapter that needs 20 ms for each frame is not slow itself.
@@ -165,7 +329,7 @@ fn a_connection_that_is_cut_leaves_a_complete_report() {
 /// A run in which something goes wrong: every case is in the report, and the journal says why.
 fn complete(target: &str, exit: i32, part: &str) {
     let cases = ["cia301/sdo-expedited", "--node", "5"];
-    let (folder, output) = recorded(target, &cases);
+    let (folder, output) = recorded(harness(), target, &cases);
     let text = said(&output);
     assert_eq!(output.status.code(), Some(exit), "{target}, {part}: {text}");
     let journal = folder.path().join(JOURNAL);

@@ -4,6 +4,11 @@
 #[path = "common/adapter.rs"]
 #[expect(dead_code, reason = "other tests use the rest of it")]
 mod adapter;
+#[path = "common/gs_usb.rs"]
+#[expect(dead_code, reason = "other tests use the rest of it")]
+mod gs_usb;
+#[path = "common/python.rs"]
+mod python;
 
 use std::sync::mpsc;
 use std::thread;
@@ -12,8 +17,8 @@ use std::time::Duration;
 use adapter::Manner;
 use canopen::sdo::{Request, Response};
 use canopen::{Bus, BusError, Frame, Instant, Mux, Stamped, VirtualBus};
-use harness::bus::Interface;
 use harness::bus::socketcan::SocketCan;
+use harness::bus::{GsUsb, Interface};
 use reference_devices::devices;
 use reference_devices::rules::Rules;
 use reference_devices::stack::Node;
@@ -74,6 +79,24 @@ fn a_server_without_echo_keeps_it() {
     let address =
         adapter::socketcand(SERVED, Manner { refuses: Some("echo"), ..Manner::default() });
     on_interface(&format!("socketcand://{address}/can0"));
+}
+
+#[test]
+fn an_adapter_with_gs_usb_keeps_it() {
+    for is_simple in [false, true] {
+        let adapter = gs_usb::Adapter { is_simple, ..gs_usb::Adapter::default() };
+        let target: GsUsb = ",bitrate=1000000".parse().expect("it names one");
+        let stop = Stop::default();
+        let bus = target.open_on(gs_usb::plugged_in(adapter, node), &stop);
+        contract(&mut *bus.expect("it is there"), &stop);
+    }
+}
+
+#[test]
+#[ignore = "needs python-can: PYTHON names an interpreter that has it"]
+fn a_bus_of_python_can_keeps_it() {
+    let (_device, target) = python::on_multicast(1, SERVED);
+    on_interface(&target);
 }
 
 #[test]

@@ -73,7 +73,8 @@ fn a_program_runs_where_it_is_told_with_what_it_is_told() {
     let file = |line: &str| write("dut.yaml", &format!("target: \"{line}\"\nnode: 7\n"));
     let scan = || {
         let mut run = harness();
-        run.args(["cia301/nmt/enter-pre-operational", "-q", "--dut"]).arg(folder.path().join("dut.yaml"));
+        run.args(["cia301/nmt/enter-pre-operational", "-q", "--dut"])
+            .arg(folder.path().join("dut.yaml"));
         let output = run.output().expect("the program starts");
         let said = [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text));
         (output.status.code(), said.concat())

@@ -75,6 +75,18 @@ impl Echoes {
         }
     }
 
+    /// A frame came: whether it is the echo of an own one that waits for it. A controller may send
+    /// frames by their priority, so that is not always the oldest one.
+    pub(super) fn confirmed_by(&mut self, echo: &Frame, at: Instant, inbox: &mut Inbox) -> bool {
+        let Some(place) = self.waiting.iter().position(|it| it.frame.as_ref() == Some(echo)) else {
+            return false;
+        };
+        if let Some(Waiting { is_shown: false, .. }) = self.waiting.remove(place) {
+            inbox.own(at, *echo);
+        }
+        true
+    }
+
     /// The oldest question is answered.
     pub(super) fn answered(&mut self) {
         if let Some(place) = self.waiting.iter().position(|it| it.frame.is_none()) {
@@ -100,11 +112,12 @@ impl Echoes {
     }
 
     /// Gives up what was not answered for too long. After a frame of that kind nothing is confirmed
-    /// any more.
-    pub(super) fn give_up(&mut self, now: Instant, inbox: &mut Inbox) {
+    /// any more, which is returned.
+    pub(super) fn give_up(&mut self, now: Instant, inbox: &mut Inbox) -> bool {
         let is_late = |it: &Waiting| now.since(it.since) > PATIENCE;
         self.waiting.retain(|it| it.frame.is_some() || !is_late(it));
-        if self.waiting.iter().any(is_late) {
+        let are_late = self.waiting.iter().any(is_late);
+        if are_late {
             self.are_confirmed = false;
             for Waiting { frame, since, is_shown } in self.waiting.drain(..) {
                 if let Some(frame) = frame.filter(|_| !is_shown) {
@@ -112,6 +125,7 @@ impl Echoes {
                 }
             }
         }
+        are_late
     }
 }
 
@@ -182,9 +196,9 @@ mod tests {
     fn where_nothing_is_confirmed_a_frame_is_complete_when_it_is_written() {
         let (mut echoes, mut inbox) = (Echoes::new(true), Inbox::new());
         echoes.sent(at(1), frame(1), &mut inbox);
-        echoes.give_up(at(900), &mut inbox);
+        assert!(!echoes.give_up(at(900), &mut inbox));
         assert_eq!(received(&mut inbox), []);
-        echoes.give_up(at(1002), &mut inbox);
+        assert!(echoes.give_up(at(1002), &mut inbox));
         echoes.sent(at(1003), frame(2), &mut inbox);
         assert_eq!(received(&mut inbox), [(-1, 1), (-2, 1003)]);
     }

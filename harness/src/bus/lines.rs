@@ -1,5 +1,5 @@
-//! Frames as messages of text over a pair of pipes, a serial line or a connection. The other side
-//! is a program or an adapter; how it writes frames is its [`Speech`].
+//! Frames as messages over a pair of pipes, a serial line, a connection or USB. The other side is a
+//! program or an adapter; how it writes frames is its [`Speech`].
 
 use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -41,11 +41,11 @@ pub(super) trait Speech {
     /// The longest message, in bytes.
     const LONGEST: usize;
 
-    /// Whether a message ends with this byte.
-    fn ends(byte: u8) -> bool;
+    /// Whether a message is whole with its last byte.
+    fn ends(message: &[u8]) -> bool;
 
     /// The message that sends a frame. Its echo goes to the inbox, now or later.
-    fn send(&mut self, now: Instant, frame: &Frame, inbox: &mut Inbox) -> String;
+    fn send(&mut self, now: Instant, frame: &Frame, inbox: &mut Inbox) -> Vec<u8>;
 
     /// Takes a message that came at `at`, with the byte that ends it.
     ///
@@ -54,7 +54,7 @@ pub(super) trait Speech {
     fn take(&mut self, at: Instant, message: &[u8], inbox: &mut Inbox) -> Result<(), Ending>;
 
     /// Does what is due at `now`. What is to be written for that, if anything.
-    fn due(&mut self, _now: Instant, _inbox: &mut Inbox) -> Option<String> {
+    fn due(&mut self, _now: Instant, _inbox: &mut Inbox) -> Option<Vec<u8>> {
         None
     }
 }
@@ -119,7 +119,7 @@ pub(super) enum Ending {
 pub(super) struct Lines<S> {
     clock: Clock,
     arrived: Receiver<Arrived>,
-    to: Option<SyncSender<String>>,
+    to: Option<SyncSender<Vec<u8>>>,
     /// Closed when everything was written.
     written: Receiver<()>,
     speech: S,
@@ -155,6 +155,11 @@ impl<S: Speech + 'static> Lines<S> {
         self.inbox.heard
     }
 
+    /// What is known of the other side.
+    pub(super) const fn told(&self) -> &S {
+        &self.speech
+    }
+
     /// How the other side speaks.
     pub(super) const fn speech(&mut self) -> &mut S {
         &mut self.speech
@@ -178,17 +183,17 @@ impl<S: Speech + 'static> Lines<S> {
     /// listened to.
     pub(super) fn send(&mut self, frame: &Frame) -> Result<(), String> {
         self.take_all();
-        let text = self.speech.send(self.now(), frame, &mut self.inbox);
-        self.write(text)
+        let message = self.speech.send(self.now(), frame, &mut self.inbox);
+        self.write(message)
     }
 
     /// Writes a message that is no frame.
     ///
     /// # Errors
     /// Those of [`Lines::send`].
-    pub(super) fn write(&self, text: String) -> Result<(), String> {
+    pub(super) fn write(&self, message: impl Into<Vec<u8>>) -> Result<(), String> {
         let Some(to) = &self.to else { return Ok(()) };
-        match to.try_send(text) {
+        match to.try_send(message.into()) {
             Ok(()) | Err(TrySendError::Disconnected(_)) => Ok(()),
             Err(TrySendError::Full(_)) => {
                 Err(format!("does not read: {MOST_WAITING} frames wait for it"))
@@ -222,7 +227,7 @@ impl<S: Speech + 'static> Lines<S> {
     /// Writes the last message, and waits until everything is written, or for too long.
     pub(super) fn close(&mut self, last: &str) {
         const PATIENCE: Duration = Duration::from_millis(500);
-        _ = self.write(last.to_owned());
+        _ = self.write(last);
         self.to = None;
         // Nothing is ever sent on this channel.
         _ = self.written.recv_timeout(PATIENCE);
@@ -244,9 +249,9 @@ impl<S: Speech + 'static> Lines<S> {
             // The time is taken before looking, so that no frame slips through between the two.
             let now = self.now();
             self.take_all();
-            if let Some(text) = self.speech.due(now, &mut self.inbox) {
+            if let Some(message) = self.speech.due(now, &mut self.inbox) {
                 // One that does not read is noticed when it is sent a frame.
-                _ = self.write(text);
+                _ = self.write(message);
             }
             match self.inbox.next() {
                 Some(Ok(seen)) if seen.at > until => {
@@ -298,7 +303,7 @@ fn listen<S: Speech>(from: impl Read, clock: Clock, to: &Sender<Arrived>) {
         let (count, is_over) = (came.len(), came.is_empty());
         for byte in came {
             message.push(*byte);
-            let arrived = match S::ends(*byte) {
+            let arrived = match S::ends(&message) {
                 true => Ok(std::mem::take(&mut message)),
                 false if message.len() < S::LONGEST => continue,
                 false => {
@@ -325,9 +330,9 @@ fn listen<S: Speech>(from: impl Read, clock: Clock, to: &Sender<Arrived>) {
 }
 
 /// Writes messages until the bus is closed or the reader is gone.
-fn speak(mut to: impl Write, lines: &Receiver<String>) {
-    for line in lines {
-        if to.write_all(line.as_bytes()).and_then(|()| to.flush()).is_err() {
+fn speak(mut to: impl Write, messages: &Receiver<Vec<u8>>) {
+    for message in messages {
+        if to.write_all(&message).and_then(|()| to.flush()).is_err() {
             return;
         }
     }
@@ -341,13 +346,13 @@ pub(super) struct OfCandump;
 impl Speech for OfCandump {
     const LONGEST: usize = LONGEST;
 
-    fn ends(byte: u8) -> bool {
-        byte == b'\n'
+    fn ends(message: &[u8]) -> bool {
+        message.ends_with(b"\n")
     }
 
-    fn send(&mut self, now: Instant, frame: &Frame, inbox: &mut Inbox) -> String {
+    fn send(&mut self, now: Instant, frame: &Frame, inbox: &mut Inbox) -> Vec<u8> {
         inbox.own(now, *frame);
-        candump::line(now, INTERFACE, frame)
+        candump::line(now, INTERFACE, frame).into()
     }
 
     fn take(&mut self, at: Instant, message: &[u8], inbox: &mut Inbox) -> Result<(), Ending> {

@@ -35,8 +35,9 @@ impl Process {
         watch: Option<&Arc<Watch>>,
         set_up: impl FnOnce(&mut Command),
     ) -> Result<Self, BusError> {
-        let cannot =
-            |why: String| BusError::Open(format!("the program `{command}` cannot be started: {why}"));
+        let cannot = |why: String| {
+            BusError::Open(format!("the program `{command}` cannot be started: {why}"))
+        };
         let line = CommandLine::parse(command).map_err(BusError::Open)?;
         let mut started = line.command(Path::new("")).map_err(cannot)?;
         set_up(&mut started);

@@ -184,7 +184,7 @@ impl Adapter {
     }
 
     fn write(&self, text: &str) -> Result<(), BusError> {
-        self.lines.write(text.to_owned()).map_err(|why| self.fails(&why))
+        self.lines.write(text).map_err(|why| self.fails(&why))
     }
 
     fn fails(&self, why: &str) -> BusError {
@@ -386,14 +386,14 @@ impl Speech for Lawicel {
     /// The longest is a 29-bit frame with a time stamp, of 30 bytes.
     const LONGEST: usize = 4096;
 
-    fn ends(byte: u8) -> bool {
-        matches!(byte, CR | BELL)
+    fn ends(message: &[u8]) -> bool {
+        message.ends_with(&[CR]) || message.ends_with(&[BELL])
     }
 
-    fn send(&mut self, now: Instant, frame: &Frame, inbox: &mut Inbox) -> String {
+    fn send(&mut self, now: Instant, frame: &Frame, inbox: &mut Inbox) -> Vec<u8> {
         self.is_active = true;
         self.echoes.sent(now, *frame, inbox);
-        codec::line(frame)
+        codec::line(frame).into()
     }
 
     fn take(&mut self, at: Instant, message: &[u8], inbox: &mut Inbox) -> Result<(), Ending> {
@@ -420,8 +420,8 @@ impl Speech for Lawicel {
         Ok(())
     }
 
-    fn due(&mut self, now: Instant, inbox: &mut Inbox) -> Option<String> {
-        self.echoes.give_up(now, inbox);
+    fn due(&mut self, now: Instant, inbox: &mut Inbox) -> Option<Vec<u8>> {
+        _ = self.echoes.give_up(now, inbox);
         let is_due = self.is_active && now.since(self.asked) >= Self::EVERY;
         let is_wanted = is_due || self.refused.is_some();
         if self.flags.is_none() || !is_wanted || !self.echoes.none_asked() {
@@ -429,7 +429,7 @@ impl Speech for Lawicel {
         }
         (self.asked, self.is_active) = (now, false);
         self.echoes.asked(now);
-        Some("F\r".to_owned())
+        Some("F\r".into())
     }
 }
 
@@ -456,10 +456,10 @@ mod tests {
     fn what_is_refused_has_the_reason_that_the_flags_give() {
         let (mut lawicel, mut inbox) = talk(Answer::Flags(Flags(0)));
         let line = lawicel.send(Instant(1), &Frame::new(0x605, [1]), &mut inbox);
-        assert_eq!(line, "t605101\r");
+        assert_eq!(line, b"t605101\r");
         hear(&mut lawicel, &mut inbox, 2, "\x07");
         assert_eq!(inbox.next(), None);
-        assert_eq!(lawicel.due(Instant(3_000_000), &mut inbox).as_deref(), Some("F\r"));
+        assert_eq!(lawicel.due(Instant(3_000_000), &mut inbox).as_deref(), Some(&b"F\r"[..]));
         assert_eq!(lawicel.due(Instant(3_000_000), &mut inbox), None);
         hear(&mut lawicel, &mut inbox, 4, "F24\r");
         assert!(fault(&mut inbox).contains("here refuses to send 605#01: error passive"));
@@ -478,7 +478,7 @@ mod tests {
             let now = Instant(second * 1_000_000_000);
             lawicel.send(now, &Frame::new(1, []), &mut inbox);
             hear(&mut lawicel, &mut inbox, second * 1000, "z\r");
-            assert_eq!(lawicel.due(now, &mut inbox).as_deref(), Some("F\r"));
+            assert_eq!(lawicel.due(now, &mut inbox).as_deref(), Some(&b"F\r"[..]));
             hear(&mut lawicel, &mut inbox, second * 1000, flags);
             assert!(inbox.next().expect("the echo").expect("is one").own);
             match told {

@@ -23,8 +23,6 @@ use stamp::Clock;
 
 use super::bell::Bell;
 
-pub(super) use fault::of_class as fault_of_class;
-
 /// An open SocketCAN interface. Its time starts at zero when it is opened.
 ///
 /// A [`BusError::Controller`] or [`BusError::Io`] does not close it: the next call tries again, so

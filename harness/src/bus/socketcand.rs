@@ -113,7 +113,7 @@ impl Connection {
     }
 
     fn ask(&mut self, what: &str, answer: Message, patience: Duration) -> Result<(), BusError> {
-        self.lines.write(what.to_owned()).map_err(|why| self.fails(&why))?;
+        self.lines.write(what).map_err(|why| self.fails(&why))?;
         self.expect(answer, patience)
     }
 
@@ -232,14 +232,14 @@ impl Words {
 impl Speech for Words {
     const LONGEST: usize = 4096;
 
-    fn ends(byte: u8) -> bool {
-        byte == codec::END
+    fn ends(message: &[u8]) -> bool {
+        message.ends_with(&[codec::END])
     }
 
-    fn send(&mut self, now: Instant, frame: &Frame, inbox: &mut Inbox) -> String {
+    fn send(&mut self, now: Instant, frame: &Frame, inbox: &mut Inbox) -> Vec<u8> {
         self.echoes.sent(now, *frame, inbox);
         let message = codec::message(frame);
-        if self.asks { message + "< echo >" } else { message }
+        if self.asks { message + "< echo >" } else { message }.into()
     }
 
     fn take(&mut self, at: Instant, message: &[u8], inbox: &mut Inbox) -> Result<(), Ending> {
@@ -251,7 +251,7 @@ impl Speech for Words {
             }
             Ok(Message::Echo) => self.echoes.confirmed(at, inbox),
             Ok(Message::ErrorFrame(class)) => {
-                if let Some(trouble) = super::socketcan::fault_of_class(class) {
+                if let Some(trouble) = super::trouble::of(class, None) {
                     inbox.fault(BusError::Controller(trouble));
                 }
             }
@@ -274,8 +274,8 @@ impl Speech for Words {
         Ok(())
     }
 
-    fn due(&mut self, now: Instant, inbox: &mut Inbox) -> Option<String> {
-        self.echoes.give_up(now, inbox);
+    fn due(&mut self, now: Instant, inbox: &mut Inbox) -> Option<Vec<u8>> {
+        _ = self.echoes.give_up(now, inbox);
         None
     }
 }

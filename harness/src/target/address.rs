@@ -46,8 +46,9 @@ impl FromStr for Address {
                 Some(why) => format!("target `{text}`: {why}"),
                 None => format!(
                     "unknown target `{text}`: write `vcan0`, `can0`, `slcan:/dev/ttyACM0`, \
-                     `slcan:tcp://host:port`, `socketcand://host/can0`, `exec:./firmware`, \
-                     `sim:drr460` or `sim:drr460?mutant=NAME`"
+                     `slcan:tcp://host:port`, `gs_usb:`, `socketcand://host/can0`, \
+                     `python-can:INTERFACE:CHANNEL`, `exec:./firmware`, `sim:drr460` or \
+                     `sim:drr460?mutant=NAME`"
                 ),
             })
         })

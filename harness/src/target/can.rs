@@ -30,7 +30,6 @@ pub(super) fn target(
 ) -> Result<Target, Refused> {
     let interface = &interface.clone().at_bit_rate(selection.bitrate);
     let mut bus = open_interface(interface, stop)?;
-    let times = bus.remark();
     let bit_rate = selection.bitrate.or_else(|| interface.bit_rate(DEFAULT_BIT_RATE));
     let name = &interface.to_string();
     let found = scan(&mut *bus, selection.node, rounds(name), catalogue)?;
@@ -39,6 +38,8 @@ pub(super) fn target(
         return Err(nobody_beside(load, name, selection.node));
     }
     let found = only(found, name, selection.node)?;
+    // An adapter that echoes is recognised by its first frames.
+    let times = bus.remark();
     let (dut_name, (sheet, eds)) = {
         let selection = Selection { bitrate: bit_rate, ..selection.clone() };
         sheet::of_found(&selection, &found, &mut *bus, catalogue)?
@@ -96,7 +97,7 @@ fn nobody_beside(load: Option<String>, interface: &str, node: Option<u8>) -> Ref
     );
     let parsed = interface.parse::<Interface>();
     let load = load.map(|load| format!(", where {load}")).unwrap_or_default();
-    if matches!(parsed, Ok(Interface::Slcan(_) | Interface::Socketcand(_))) {
+    if parsed.as_ref().is_ok_and(|parsed| parsed.network().is_none() && !parsed.is_program()) {
         return Refused::bus(format!(
             "{who} on {interface}{load}. Does the device have power, is the bus terminated, and is \
              its bit rate that of the adapter (--bitrate)? This command shows the frames on it:\n  \

@@ -26,10 +26,11 @@ pub struct Selection {
     pub dut: Option<PathBuf>,
     /// `vcan0`, `can0`, `sim:drr460`, `sim:drr460?mutant=NAME`, or `sim:PATH` for a device that is
     /// described in a folder; `slcan:/dev/ttyACM0` or `slcan:tcp://HOST:PORT` for an adapter with
-    /// Lawicel's protocol, `socketcand://HOST/can0` for an interface of another machine;
-    /// `exec:COMMAND` for a program that is the device and speaks lines of candump on its standard
-    /// input and output, `exec@vcan0:COMMAND` for one on an interface; every reference device when
-    /// absent
+    /// Lawicel's protocol, `gs_usb:` or `gs_usb:SERIAL` for one with that protocol (candleLight),
+    /// `python-can:INTERFACE:CHANNEL` for one that python-can drives, `socketcand://HOST/can0` for
+    /// an interface of another machine; `exec:COMMAND` for a program that is the device and speaks
+    /// lines of candump on its standard input and output, `exec@vcan0:COMMAND` for one on an
+    /// interface; every reference device when absent
     #[arg(long)]
     pub target: Option<String>,
     /// Node id of the device; a bus is scanned when absent
@@ -45,7 +46,7 @@ pub struct Selection {
     #[command(flatten)]
     pub folders: Folders,
     /// Bit rate of the bus in bit/s, on which the tolerances of times depend, and which an adapter
-    /// of `slcan:` is set to; that of the interface when absent
+    /// is set to; that of the interface when absent
     #[arg(long, value_name = "BITS")]
     #[arg(value_parser = whole::<u32>(1..=1_000_000))]
     pub bitrate: Option<u32>,

@@ -5,7 +5,9 @@ use std::io;
 use canopen::BusError;
 use nix::errno::Errno;
 use socketcan::errors::ControllerProblems;
-use socketcan::{CanError, CanErrorFrame, ErrorCause};
+use socketcan::{CanError, ErrorCause};
+
+use crate::bus::trouble;
 
 /// Why the interface `name` cannot be opened. `has_can`: whether the kernel knows CAN.
 pub(super) fn open(name: &str, why: &io::Error, has_can: bool) -> BusError {
@@ -70,16 +72,6 @@ pub(super) fn controller(error: &CanError) -> Option<String> {
     Some(parts.join("; "))
 }
 
-/// The same for an error frame of which only the class is known.
-pub(in crate::bus) fn of_class(class: u32) -> Option<String> {
-    const CONTROLLER_PROBLEM: u32 = 0x004;
-    let frame = CanErrorFrame::new_error(class, &[0; 8]).ok()?;
-    controller(&frame.into_error()).or_else(|| {
-        let is_meant = class & CONTROLLER_PROBLEM != 0;
-        is_meant.then(|| "a problem, such as error passive or an overflow".to_owned())
-    })
-}
-
 fn concern(cause: &ErrorCause) -> Option<String> {
     Some(match cause {
         ErrorCause::LostArbitration(_) | ErrorCause::Restarted | ErrorCause::Counters { .. } => {
@@ -95,12 +87,8 @@ fn concern(cause: &ErrorCause) -> Option<String> {
             }
             named.join("; ")
         }
-        ErrorCause::NoAck => "no acknowledgement (is another node powered and connected, and is \
-                              the bit rate the same?)"
-            .to_owned(),
-        ErrorCause::BusOff => "bus-off: too many transmit errors (check wiring, termination and \
-                               bit rate)"
-            .to_owned(),
+        ErrorCause::NoAck => trouble::NO_ACK.to_owned(),
+        ErrorCause::BusOff => trouble::BUS_OFF.to_owned(),
         other => other.to_string(),
     })
 }
@@ -120,16 +108,10 @@ fn name_exists(name: &str) -> bool {
 const VIRTUAL: &str = "vcan0";
 
 const CONTROLLER: [(ControllerProblems, &str); 4] = [
-    (
-        ControllerProblems::RX_WARNING.union(ControllerProblems::TX_WARNING),
-        "error warning (an error counter reached 96)",
-    ),
-    (
-        ControllerProblems::RX_PASSIVE.union(ControllerProblems::TX_PASSIVE),
-        "error passive (an error counter reached 128)",
-    ),
-    (ControllerProblems::RX_OVERFLOW, "receive overflow (frames were lost)"),
-    (ControllerProblems::TX_OVERFLOW, "transmit overflow (frames were lost)"),
+    (ControllerProblems::RX_WARNING.union(ControllerProblems::TX_WARNING), trouble::WARNING),
+    (ControllerProblems::RX_PASSIVE.union(ControllerProblems::TX_PASSIVE), trouble::PASSIVE),
+    (ControllerProblems::RX_OVERFLOW, trouble::RX_OVERFLOW),
+    (ControllerProblems::TX_OVERFLOW, trouble::TX_OVERFLOW),
 ];
 
 /// The error of the operating system; 0, which is none, when it comes from elsewhere.
@@ -139,6 +121,8 @@ pub(super) fn errno(why: &io::Error) -> Errno {
 
 #[cfg(test)]
 mod tests {
+    use socketcan::CanErrorFrame;
+
     use super::*;
 
     fn text(class: u32, data: [u8; 8]) -> Option<String> {

@@ -1,0 +1,35 @@
+//! Buses of python-can with a reference device on them. `PYTHON` names an interpreter that has the
+//! packages of `python-can.txt`.
+
+use std::env;
+use std::process::{Child, Command};
+
+/// The program that puts a device on a bus.
+pub(crate) const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/python_can.py");
+
+/// A device that ends with the test.
+pub(crate) struct Served(Child);
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        _ = self.0.kill();
+        _ = self.0.wait();
+    }
+}
+
+/// The command line of a reference device on pipes.
+pub(crate) fn device(arguments: &str) -> String {
+    format!("{} serve {arguments} --stdio", env!("CARGO_BIN_EXE_harness"))
+}
+
+/// A reference device on a bus that several programs of this machine share, and that echoes without
+/// being told; the target. Tests that run side by side have each a bus of their own.
+pub(crate) fn on_multicast(place: u8, arguments: &str) -> (Served, String) {
+    let [_, third, fourth, ..] = std::process::id().to_be_bytes();
+    let bus = format!("udp_multicast:239.{third}.{fourth}.{place}");
+    let python = env::var("PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    let mut command = Command::new(python);
+    command.arg(SCRIPT).env("BUS", &bus).env("DEVICE", device(arguments));
+    (Served(command.spawn().expect("there is Python")), format!("python-can:{bus}"))
+}
