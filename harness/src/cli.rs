@@ -350,7 +350,11 @@ pub struct ScanArgs {
     /// List the adapters and interfaces of this machine, and the target to type for each
     #[arg(long, conflicts_with_all = ["target", "bitrate"])]
     pub adapters: bool,
-    /// Bit rate of the bus in bit/s, which an adapter of `slcan:` is set to
+    /// Wait until a node answers, or with `--adapters` until one is plugged in
+    #[arg(long)]
+    pub wait: bool,
+    /// Bit rate of the bus in bit/s, which an adapter is set to (`slcan:`, `gs_usb:`,
+    /// `python-can:`)
     #[arg(long, value_name = "BITS")]
     #[arg(value_parser = whole::<u32>(1..=1_000_000))]
     pub bitrate: Option<u32>,

@@ -1,24 +1,48 @@
-//! The adapters and interfaces of this machine, as Linux lists them in `/dev` and `/sys`.
+//! The adapters and interfaces of this machine: as Linux lists them in `/dev` and `/sys`, on USB,
+//! and those that python-can finds.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::bus::{self, gs_usb};
+
 /// The type of a CAN interface in `linux/if_arp.h`.
 const ARPHRD_CAN: &str = "280";
 
-/// A line for each, with the target to type; a sentence when there is none.
-pub(super) fn list() -> String {
-    list_in(Path::new("/"))
+/// An adapter: the target to type, and what it is.
+pub(super) type Adapter = (String, String);
+
+/// The adapters and interfaces that are there.
+pub(super) fn plugged_in() -> Vec<Adapter> {
+    let mut found = found_in(Path::new("/"));
+    found.extend(of_usb(gs_usb::plugged_in()));
+    let by_python = bus::of_python_can();
+    found.extend(by_python.into_iter().map(|target| (target, "adapter of python-can".to_owned())));
+    found
 }
 
-fn list_in(root: &Path) -> String {
+fn found_in(root: &Path) -> Vec<Adapter> {
     let mut found = interfaces(root);
     found.extend(serial_lines(root));
+    found
+}
+
+/// Adapters by serial number and name. Without a number, there can only be one.
+fn of_usb(adapters: Vec<(String, String)>) -> Vec<Adapter> {
+    let named = adapters.into_iter().map(|(serial, name)| {
+        let what = format!("{name}, an adapter with gs_usb; --bitrate sets it");
+        (format!("{}{serial}", gs_usb::GS_USB), what)
+    });
+    named.collect()
+}
+
+/// A line for each, with the target to type; a sentence when there is none.
+pub(super) fn table(found: &[Adapter]) -> String {
     if found.is_empty() {
-        return "no adapter is plugged in: neither a CAN interface of Linux nor a serial line over \
-                USB is there\n"
+        return "no adapter is plugged in: there is no CAN interface of Linux, no serial line over \
+                USB, no adapter with gs_usb and none that python-can finds\n"
             .to_owned();
     }
     let width = found.iter().map(|(target, _)| target.len()).max().unwrap_or_default();
@@ -30,7 +54,7 @@ fn list_in(root: &Path) -> String {
     text
 }
 
-fn interfaces(root: &Path) -> Vec<(String, String)> {
+fn interfaces(root: &Path) -> Vec<Adapter> {
     let mut found = Vec::new();
     for folder in sorted(&root.join("sys/class/net")) {
         let read = |file: &str| fs::read_to_string(folder.join(file)).unwrap_or_default();
@@ -94,7 +118,7 @@ mod tests {
     fn adapters_have_the_target_to_type() {
         let root = tempfile::tempdir().unwrap();
         let root = root.path();
-        assert!(list_in(root).starts_with("no adapter is plugged in"));
+        assert!(table(&found_in(root)).starts_with("no adapter is plugged in"));
         let files = [
             ("sys/class/net/can0/type", "280\n"),
             ("sys/class/net/can0/flags", "0x40080\n"),
@@ -112,13 +136,16 @@ mod tests {
         }
         fs::create_dir_all(root.join("dev/serial/by-id")).unwrap();
         symlink(root.join("dev/ttyACM0"), root.join("dev/serial/by-id/us")).unwrap();
+        let mut found = found_in(root);
+        found.extend(of_usb(vec![("0042".to_owned(), "CANable".to_owned())]));
         let lists = "\
 target                      what it is
 can0                        CAN interface, down: `ip link set can0 up type can bitrate 125000`
 vcan0                       CAN interface
 slcan:/dev/serial/by-id/us  serial line /dev/ttyACM0, for an adapter with Lawicel's protocol
 slcan:/dev/ttyUSB0          serial line /dev/ttyUSB0, for an adapter with Lawicel's protocol
+gs_usb:0042                 CANable, an adapter with gs_usb; --bitrate sets it
 ";
-        assert_eq!(list_in(root), lists);
+        assert_eq!(table(&found), lists);
     }
 }
