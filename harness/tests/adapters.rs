@@ -188,16 +188,25 @@ fn generic() -> Node {
     device.node(5, Rules::default())
 }
 
+/// Verdicts by case.
+type Verdicts = BTreeMap<String, Verdict>;
+
 /// Runs cases of these topics in this process, on an adapter with gs_usb.
-fn on_gs_usb(adapter: gs_usb::Adapter, topics: &[&str]) -> (Vec<(String, Verdict)>, Ending) {
+fn on_gs_usb(adapter: gs_usb::Adapter, topics: &[&str]) -> (Verdicts, Ending) {
     let stop = Stop::default();
     let target: GsUsb = ",bitrate=1000000".parse().expect("it names one");
     let bus = target.open_on(gs_usb::plugged_in(adapter, generic), &stop);
     in_process(&mut *bus.expect("it is there"), topics)
 }
 
+fn in_virtual_time(topics: &[&str]) -> Verdicts {
+    let mut bus = VirtualBus::new(1_000_000);
+    bus.attach(generic());
+    in_process(&mut bus, topics).0
+}
+
 /// Runs cases of these topics in this process.
-fn in_process(bus: &mut dyn Bus, topics: &[&str]) -> (Vec<(String, Verdict)>, Ending) {
+fn in_process(bus: &mut dyn Bus, topics: &[&str]) -> (Verdicts, Ending) {
     const RATE: u32 = 1_000_000;
     let device = devices::device("generic").expect("it is a reference device");
     let eds = eds::read(device.eds_text().as_bytes()).eds;
@@ -217,43 +226,33 @@ fn in_process(bus: &mut dyn Bus, topics: &[&str]) -> (Vec<(String, Verdict)>, En
         undo: &Undo::default(),
         observer: &Unobserved,
     };
-    let (mut name, mut verdicts) = (String::new(), Vec::new());
+    let (mut name, mut verdicts) = (String::new(), Verdicts::new());
     let ending = session.run(bus, &mut |event| match event {
         Event::CaseStarted(case) => name = case.name(),
-        Event::CaseEnded(case) => verdicts.push((name.clone(), case.outcome.verdict())),
+        // A case that is tried again ends again.
+        Event::CaseEnded(case) => _ = verdicts.insert(name.clone(), case.outcome.verdict()),
         _ => {}
     });
-    verdicts.sort();
     (verdicts, ending)
-}
-
-/// What is judged by contents and by time, and needs no bench.
-const TOPICS: [&str; 3] = ["cia301/nmt", "cia301/sdo-expedited", "cia301/heartbeat"];
-
-fn in_virtual_time() -> Vec<(String, Verdict)> {
-    let mut bus = VirtualBus::new(1_000_000);
-    bus.attach(generic());
-    in_process(&mut bus, &TOPICS).0
 }
 
 #[test]
 fn an_adapter_with_gs_usb_gets_the_verdicts_of_virtual_time() {
-    let expected = in_virtual_time();
-    assert!(expected.len() > 20, "{}", expected.len());
-    for is_simple in [false, true] {
+    let topics = ["cia301/nmt", "cia301/sdo-expedited", "cia301/heartbeat"];
+    for (is_simple, topics) in [(false, &topics[..]), (true, &topics[1..2])] {
+        let expected = in_virtual_time(topics);
         let adapter = gs_usb::Adapter { is_simple, ..gs_usb::Adapter::default() };
-        let (found, _) = on_gs_usb(adapter, &TOPICS);
-        let names = |all: &[(String, Verdict)]| -> Vec<String> {
-            all.iter().map(|(name, _)| name.clone()).collect()
+        let (found, _) = on_gs_usb(adapter, topics);
+        assert!(found.keys().eq(expected.keys()), "{found:?}");
+        // Time on the bus is real: what takes minutes is skipped, and what a busy machine spoils
+        // is decided by nobody.
+        let is_open = [Verdict::Skip, Verdict::Error, Verdict::Flaky];
+        let differ = |(name, verdict): &(&String, &Verdict)| {
+            !is_open.contains(verdict) && expected.get(*name) != Some(*verdict)
         };
-        assert_eq!(names(&found), names(&expected));
-        // What only virtual time has minutes for is skipped, and a busy machine decides nothing.
-        let differs = found.iter().zip(&expected).filter(|((_, found), (_, expected))| {
-            found != expected && ![Verdict::Skip, Verdict::Error, Verdict::Flaky].contains(found)
-        });
-        assert_eq!(differs.collect::<Vec<_>>(), [], "{is_simple}");
-        let passed = found.iter().filter(|(_, verdict)| *verdict == Verdict::Pass).count();
-        assert!(passed > 20, "{found:?}");
+        assert_eq!(found.iter().filter(differ).collect::<Vec<_>>(), []);
+        let passed = found.values().filter(|verdict| **verdict == Verdict::Pass).count();
+        assert!(passed * 10 > expected.len() * 9, "{found:?}");
     }
 }
 
@@ -261,16 +260,18 @@ fn an_adapter_with_gs_usb_gets_the_verdicts_of_virtual_time() {
 /// can.
 #[test]
 fn a_fault_of_an_adapter_with_gs_usb_leaves_a_complete_report() {
-    let expected = in_virtual_time();
+    let topics = ["cia301/sdo-expedited"];
+    let expected = in_virtual_time(&topics);
     for fault in [gs_usb::Fault::Gone, gs_usb::Fault::Garbage, gs_usb::Fault::BusOff] {
-        let adapter = gs_usb::Adapter { after: 150, fault: Some(fault), ..Default::default() };
-        let (found, ending) = on_gs_usb(adapter, &TOPICS);
-        assert_eq!(found.len(), expected.len(), "{ending:?}");
-        let count = |which| found.iter().filter(|(_, verdict)| *verdict == which).count();
+        let adapter = gs_usb::Adapter { after: 60, fault: Some(fault), ..Default::default() };
+        let (found, ending) = on_gs_usb(adapter, &topics);
+        assert!(found.keys().eq(expected.keys()), "{ending:?}: {found:?}");
+        let count = |which| found.values().filter(|verdict| **verdict == which).count();
         assert_eq!(count(Verdict::Fail), 0, "{found:?}");
-        assert!(count(Verdict::Pass) > 0, "{found:?}");
+        let (passed, undecided) = (count(Verdict::Pass), count(Verdict::Error));
         let is_gone = fault == gs_usb::Fault::Gone;
-        assert_eq!(count(Verdict::Pass) > 20, !is_gone, "{found:?}");
+        assert_eq!(passed > undecided, !is_gone, "{found:?}");
+        assert!(passed > 0, "{found:?}");
     }
 }
 
