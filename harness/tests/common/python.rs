@@ -2,7 +2,9 @@
 //! packages of `python-can.txt`.
 
 use std::env;
-use std::process::{Child, Command};
+use std::io::{BufRead, BufReader};
+use std::process::{Child, Command, Stdio};
+use std::thread;
 
 /// The program that puts a device on a bus.
 pub(crate) const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/python_can.py");
@@ -31,5 +33,9 @@ pub(crate) fn on_multicast(place: u8, arguments: &str) -> (Served, String) {
     let python = env::var("PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let mut command = Command::new(python);
     command.arg(SCRIPT).env("BUS", &bus).env("DEVICE", device(arguments));
-    (Served(command.spawn().expect("there is Python")), format!("python-can:{bus}"))
+    let mut served = command.stdout(Stdio::piped()).spawn().expect("there is Python");
+    let mut frames = BufReader::new(served.stdout.take().expect("it is a pipe")).lines();
+    frames.next().expect("the device boots up").expect("it is text");
+    thread::spawn(move || frames.for_each(drop));
+    (Served(served), format!("python-can:{bus}"))
 }

@@ -23,6 +23,9 @@ def to_bus(device, bus, can):
                 data=None if remote else bytes.fromhex(data),
             )
         )
+        # Whoever started this waits for the device; beside another program, the output is its own.
+        if __name__ == "__main__":
+            print(line, flush=True)
 
 
 def serve():
