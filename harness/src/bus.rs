@@ -76,7 +76,7 @@ impl Interface {
             // The protocols have no question for it.
             Self::Slcan(adapter) => adapter.bit_rate,
             Self::Socketcand(interface) => interface.is_virtual().then_some(usual),
-            Self::PythonCan(bus) => bus.bit_rate().or(bus.is_virtual().then_some(usual)),
+            Self::PythonCan(bus) => bus.bit_rate().or_else(|| bus.is_virtual().then_some(usual)),
             Self::GsUsb(adapter) => adapter.bit_rate,
         }
     }
