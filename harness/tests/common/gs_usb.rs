@@ -141,7 +141,7 @@ struct Wire {
 }
 
 impl Wire {
-    fn to_host(&mut self, mut transfer: Vec<u8>) {
+    fn pass_on(&mut self, mut transfer: Vec<u8>) {
         if !self.adapter.is_simple {
             // It was plugged in a while ago: its stamps are about to begin again.
             let stamp = (self.now().0 / 1000) as u32;
@@ -160,17 +160,17 @@ impl Wire {
         match self.adapter.fault {
             Some(Fault::Gone) if self.count > self.adapter.after => return None,
             Some(Fault::Garbage) if self.count == self.adapter.after => {
-                self.to_host(vec![1, 2, 3]);
+                self.pass_on(vec![1, 2, 3]);
             }
             Some(Fault::BusOff) if self.count == self.adapter.after => {
                 let mut error = vec![0; 20];
                 error[..4].fill(0xFF);
                 error[4..8].copy_from_slice(&0x2000_0040_u32.to_le_bytes());
-                self.to_host(error);
+                self.pass_on(error);
             }
             _ => {}
         }
-        self.to_host(transfer);
+        self.pass_on(transfer);
         Some(frame)
     }
 }
@@ -186,7 +186,7 @@ impl Bus for Wire {
 
     fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
         let transfer = write(frame);
-        self.to_host(transfer);
+        self.pass_on(transfer);
         Ok(())
     }
 
