@@ -15,6 +15,7 @@ use crate::cli::QualifyArgs;
 use crate::commands::counted::counted;
 use crate::commands::fuzz::{Modelled, stage};
 use crate::exit::{Exit, Refused};
+use crate::progress::Progress;
 use crate::reporter::say;
 use crate::target::{self, Selection, Target};
 
@@ -85,10 +86,12 @@ pub(super) fn run(args: &QualifyArgs, sessions: u64) -> Result<Exit, Refused> {
         false => Some(Differences::of(&target, &known, &mutants, args.seed, sessions)?),
     };
     let trials = Trials { device: &target, like: &known, differences, seed: args.seed, sessions };
-    let mutants = mutants.into_iter().enumerate().collect();
+    let mutants: Vec<_> = mutants.into_iter().enumerate().collect();
+    let line = Progress::with_each(mutants.len(), "mutants");
     let fuzzed = parallel::map(mutants, processors(), |(place, mutant): (usize, Mutant)| {
-        trials.fuzz(mutant, args.guess_every > 0 && place % args.guess_every == 0)
+        line.each(|| trials.fuzz(mutant, args.guess_every > 0 && place % args.guess_every == 0))
     });
+    drop(line);
     let fuzzed = fuzzed.into_iter().collect::<Result<Vec<_>, _>>()?;
     let left_out = left_out.iter().filter_map(|mutant| Some((why_left_out(mutant)?, mutant)));
     say(&(table(&fuzzed, args.verbose) + &rest(left_out, args.verbose)));
@@ -143,17 +146,31 @@ fn has_value(pattern: &Pattern, received: bool) -> bool {
         Word::Bits { value, .. } => *value,
         Word::Name | Word::Open => 0,
     };
-    let command = words.first().map_or(0, bits) >> 5;
-    let begins = match (pattern.id().raw() & 0x780, received) {
-        (0x580, false) => matches!(command, 2..=6),
-        (0x600, true) => matches!(command, 1 | 2 | 4..=6),
-        // The parts of an LSS message say what it is about.
-        (0x780, _) => return words.iter().skip(5).any(|word| bits(word) != 0),
+    let first = words.first().map_or(0, bits);
+    let about = match (pattern.id().raw() & 0x780, received) {
+        // The end of a block transfer has its checksum after the command.
+        (0x580, false) | (0x600, true) if first >> 5 == 6 && first & 1 == 1 => 1,
+        (0x580, false) if matches!(first >> 5, 2..=6) => 4,
+        (0x600, true) if matches!(first >> 5, 1 | 2 | 4..=6) => 4,
+        // The parts of an LSS message say what it is about, unless they are a whole number, which
+        // one case chose. All ones are the end of its range.
+        (0x780, _) => {
+            let number = words.get(1..5).unwrap_or_default();
+            let is_chosen = |word: &Word| !matches!(bits(word), 0 | 0xFF);
+            match (number.is_empty(), number.iter().all(is_chosen)) {
+                (false, true) => 1,
+                _ if first == FASTSCAN => return false,
+                _ => 5,
+            }
+        }
         (0x000, _) => return false,
-        _ => false,
+        _ => 1,
     };
-    words.iter().skip(if begins { 4 } else { 1 }).any(|word| bits(word) != 0)
+    words.iter().skip(about).any(|word| bits(word) != 0)
 }
+
+/// The command of a fastscan, whose last three bytes say what is asked.
+const FASTSCAN: u8 = 0x51;
 
 /// The mutants that are left out, by the reasons.
 fn rest<'m>(left_out: impl Iterator<Item = (&'m str, &'m Mutant)>, verbose: bool) -> String {
@@ -190,14 +207,17 @@ impl Differences {
         let places = all.filter(|(_, one)| mutants.iter().any(|other| other.name == one.name));
         let places: Vec<usize> = places.map(|(place, _)| place).collect();
         let numbers: Vec<u64> = (0..sessions).collect();
-        let dissenting = parallel::map(numbers, processors(), |number| {
+        let line = Progress::with_each(numbers.len(), "sessions without a mutant");
+        let dissents = |number| {
             let belief = Belief::new(&blueprint, Vec::new());
             let belief = belief.ok_or_else(|| Refused::usage("the device cannot be built"))?;
             let campaign = Campaign::new(&blueprint, belief, seed);
             let played = campaign.play(&mut stage::simulated(target)?, number);
             let seen = played.map_err(|error| Refused::bus(error.to_string()))?.seen;
             Ok(campaign.dissenting(&seen, &places))
-        });
+        };
+        let dissenting =
+            parallel::map(numbers, processors(), |number| line.each(|| dissents(number)));
         let dissenting = dissenting.into_iter().collect::<Result<_, Refused>>()?;
         Ok(Self { blueprint, dissenting })
     }
