@@ -133,6 +133,15 @@ impl Deviation {
         (!self.parts.is_empty()).then_some(self)
     }
 
+    /// Whether a data sheet may be that of a device with the deviation: nothing in it says
+    /// otherwise of the objects that the deviation changes there and in the device alike.
+    pub fn agrees_with_sheet(&self, eds: &Eds, node: u8) -> bool {
+        self.parts.iter().all(|part| match &part.change {
+            Change::Object(patch) => patch.agrees_with(eds, node),
+            _ => true,
+        })
+    }
+
     /// Whether one of the two may take back what the other changes of the data of the device.
     pub fn collides_with(&self, other: &Self) -> bool {
         let others = || other.parts.iter().map(|part| &part.change);

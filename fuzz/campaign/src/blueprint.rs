@@ -27,6 +27,8 @@ pub struct Candidate {
     /// What such a device does, one sentence.
     pub why: String,
     deviation: Deviation,
+    /// The same with what it changes in the data sheet.
+    whole: Deviation,
     /// The names of those that no device can use together with it.
     excludes: Vec<String>,
 }
@@ -34,16 +36,17 @@ pub struct Candidate {
 impl Candidate {
     /// The part of a freedom that a device of another application can have.
     fn of(freedom: Freedom) -> Option<Self> {
-        let deviation = freedom.deviation().of_stack()?;
+        let whole = freedom.deviation();
+        let deviation = whole.clone().of_stack()?;
         let Freedom { name, allowed_by: clauses, why, excludes, .. } = freedom;
-        Some(Self { name, clauses, why, deviation, excludes })
+        Some(Self { name, clauses, why, deviation, whole, excludes })
     }
 
     /// A freedom of a reference device.
     fn whole(freedom: Freedom) -> Self {
         let deviation = freedom.deviation();
         let Freedom { name, allowed_by: clauses, why, excludes, .. } = freedom;
-        Self { name, clauses, why, deviation, excludes }
+        Self { name, clauses, why, whole: Deviation::default(), deviation, excludes }
     }
 
     /// Whether a device can use both.
@@ -149,7 +152,8 @@ impl Blueprint {
         let mutants = mutants.filter(|mutant| !mutant.is_of_data_sheet()).map(|mutant| {
             let deviation = mutant.deviation();
             let Mutant { name, breaks: clauses, why, .. } = mutant;
-            Candidate { name, clauses, why, deviation, excludes: Vec::new() }
+            let (whole, excludes) = (Deviation::default(), Vec::new());
+            Candidate { name, clauses, why, deviation, whole, excludes }
         });
         let new = Self::new(device, node, freedoms.collect(), mutants.collect());
         Ok(Self { surface: Some(surface), ..new })
@@ -419,7 +423,9 @@ impl Pool {
     fn muted(&self, device: &ReferenceDevice, node: u8) -> &[Mutable] {
         let mutable = |candidate: &Candidate| {
             let deviation = &candidate.deviation;
-            if deviation.build(device, node).is_err() {
+            // A part of a freedom is none, where the data sheet says that the rest is not so.
+            let fits = candidate.whole.agrees_with_sheet(&device.description.eds, node);
+            if !fits || deviation.build(device, node).is_err() {
                 return Mutable::Not;
             }
             match deviation.clone().muted(&Dissent::default()) {
@@ -448,7 +454,8 @@ static COMMON: LazyLock<Result<Candidates, Vec<Complaint>>> = LazyLock::new(|| {
     let mutants = mutant::common()?.into_iter().filter_map(|mutant| {
         let deviation = mutant.deviation().of_stack().filter(|_| !mutant.canary)?;
         let Mutant { name, breaks: clauses, why, .. } = mutant;
-        Some(Candidate { name, clauses, why, deviation, excludes: Vec::new() })
+        let (whole, excludes) = (Deviation::default(), Vec::new());
+        Some(Candidate { name, clauses, why, deviation, whole, excludes })
     });
     Ok((freedoms.collect(), mutants.collect()))
 });

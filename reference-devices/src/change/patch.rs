@@ -87,7 +87,27 @@ impl Patch {
             eds.objects.retain(|object| !object.entries.is_empty());
             return Ok(());
         }
-        let entry = &mut object.entries[place];
+        self.amend(&mut object.entries[place]);
+        Ok(())
+    }
+
+    /// Whether a data sheet may be the one of a device with this change: what it says of the object
+    /// is that, or nothing.
+    pub(super) fn agrees_with(&self, eds: &Eds, node: u8) -> bool {
+        if self.remove_object {
+            return eds.object(self.object.index).is_none();
+        }
+        let Some(entry) = eds.entry(self.object) else { return true };
+        let mut amended = entry.clone();
+        self.amend(&mut amended);
+        let value = |entry: &Entry| entry.default.as_ref().map(|term| term.resolve(node));
+        let same = value(entry).is_none_or(|present| value(&amended) == Some(present));
+        amended.default.clone_from(&entry.default);
+        same && !self.remove && amended == *entry
+    }
+
+    /// Changes an entry.
+    fn amend(&self, entry: &mut Entry) {
         entry.data_type = self.data_type.unwrap_or(entry.data_type);
         let data_type = entry.data_type;
         let fixed = |number: i64| {
@@ -113,7 +133,6 @@ impl Patch {
         if let Some(mappable) = self.mappable {
             entry.mappable = mappable;
         }
-        Ok(())
     }
 }
 
@@ -163,5 +182,25 @@ mod tests {
         assert_eq!(second.default.as_ref().map(|term| term.resolve(1)), Some(Value::Int(7)));
         let wrong = patch("{ object: '2001:03', like: '5000:00' }").apply(&mut eds);
         assert_eq!(wrong, Err(Misfit::at(&["like"], "the device has no object 5000:00")));
+    }
+
+    #[test]
+    fn a_data_sheet_agrees_with_what_it_says_or_leaves_open() {
+        let device = crate::devices::device("em66").unwrap();
+        let mut eds = Eds::clone(&device.description.eds);
+        let patch = |text: &str| serde_yaml::from_str::<Patch>(text).unwrap();
+        let period = patch("{ object: '1017:00', value: 1234 }");
+        for (patch, agrees) in [
+            (&period, false),
+            (&patch("{ object: '1017:00', access: const }"), false),
+            (&patch("{ object: '1018:01', remove: true }"), false),
+            (&patch("{ object: '1018:01', remove-object: true }"), false),
+            (&patch("{ object: '5FFF:00', value: 3 }"), true),
+            (&patch("{ object: '5FFF:00', remove-object: true }"), true),
+        ] {
+            assert_eq!(patch.agrees_with(&eds, 1), agrees, "{patch:?}");
+        }
+        period.apply(&mut eds).unwrap();
+        assert!(period.agrees_with(&eds, 1));
     }
 }
