@@ -4,7 +4,7 @@ use canopen::eds::Direction;
 use canopen::nmt::{Command, Service};
 use canopen::pdo::{CobId, Mapping};
 use canopen::sdo::Request;
-use canopen::{Data, Frame, Mux};
+use canopen::{Data, Frame, Id, Mux};
 
 use super::configure::communication;
 use super::{Draw, Scene};
@@ -18,6 +18,8 @@ pub(super) struct Usage {
     /// Its COB-ID while it is valid.
     pub(super) cob: u32,
     pub(super) entries: Vec<Mapping>,
+    /// Whether something happens by itself some time after it was used.
+    pub(super) timed: bool,
 }
 
 /// Transmission types: at events, with the next SYNC, with each, and on request.
@@ -66,9 +68,25 @@ impl Draw<'_> {
         self.plan_write(kind, switch, &(cob & !CobId::INVALID).to_le_bytes());
     }
 
-    /// A PDO as it is mapped, with another transmission type.
+    /// A PDO as it is mapped, with another transmission type, at times beside another one.
     pub(super) fn whole_use(&mut self, scene: Scene<'_>) -> Option<Action> {
         let (pdo, direction) = self.a_pdo();
+        let mut usages = vec![self.plan_kind(pdo, direction, scene)?];
+        let other = self.other_pdo(pdo, 35);
+        usages.extend(other.and_then(|other| self.plan_kind(other, direction, scene)));
+        self.plan_to_use(&usages, scene);
+        self.planned.pop_front()
+    }
+
+    /// The other PDO of this session in so many of a hundred cases: what becomes of one must not
+    /// depend on another.
+    pub(super) fn other_pdo(&mut self, pdo: u16, percent: u8) -> Option<u16> {
+        let together = !self.blueprint.is_in_its_own_time() && self.chance(percent);
+        self.pdos.into_iter().find(|other| together && *other != pdo)
+    }
+
+    /// A PDO gets another transmission type, and other times.
+    fn plan_kind(&mut self, pdo: u16, direction: Direction, scene: Scene<'_>) -> Option<Usage> {
         let usage = usage(communication(direction) + pdo, direction, scene)?;
         let (kinds, switches): (&[u8], u32) = match direction {
             Direction::Receive => (&RPDO_KINDS, 0),
@@ -76,31 +94,40 @@ impl Draw<'_> {
             Direction::Transmit => (&TPDO_KINDS, if self.chance(30) { PRODUCES } else { 0 }),
         };
         let kind = self.pick(kinds)?;
-        let usage = Usage { cob: usage.cob ^ switches, ..usage };
-        self.plan_times(&usage, scene);
+        let timed = self.plan_times(&usage, scene);
+        let usage = Usage { cob: usage.cob ^ switches, timed, ..usage };
         self.plan_parameters(usage.index, usage.cob, &[(2, kind)]);
-        self.plan_to_use(&usage, scene);
-        self.planned.pop_front()
+        Some(usage)
     }
 
-    /// The times of a TPDO, at times: what happens within them, plans come to by themselves.
-    fn plan_times(&mut self, usage: &Usage, scene: Scene<'_>) {
-        if usage.direction == Direction::Receive || !self.chance(45) {
-            return;
+    /// The times of a PDO, at times: what happens within them, plans come to by themselves. Returns
+    /// whether any runs.
+    fn plan_times(&mut self, usage: &Usage, scene: Scene<'_>) -> bool {
+        if !self.chance(45) {
+            return false;
         }
-        // The inhibit time counts 100 microseconds, and the event timer milliseconds.
-        for (sub, times) in [(3, [0_u16, 50, 100, 500]), (5, [0, 5, 20, 50])] {
+        // The inhibit time counts 100 microseconds, and the event timer, or the deadline of an RPDO,
+        // milliseconds.
+        let inhibit = (3, [0_u16, 50, 100, 500]);
+        let timer = (5, [0, 5, 20, 50]);
+        let mut runs = false;
+        for (sub, times) in [inhibit, timer] {
             let mux = Mux::new(usage.index, sub);
-            if let Some(time) = self.pick(&times).filter(|_| scene.od.entry(mux).is_some()) {
+            let received = usage.direction == Direction::Receive && sub == 3;
+            let exists = !received && scene.od.entry(mux).is_some();
+            if let Some(time) = self.pick(&times).filter(|_| exists) {
+                runs |= sub == 5 && time > 0;
                 self.plan_write(Kind::ConfigurePdo, mux, &time.to_le_bytes());
             }
         }
+        runs
     }
 
-    /// A PDO that was mapped or configured is used.
-    pub(super) fn plan_to_use(&mut self, usage: &Usage, scene: Scene<'_>) {
+    /// PDOs that were mapped or configured are used.
+    pub(super) fn plan_to_use(&mut self, usages: &[Usage], scene: Scene<'_>) {
         // What is there before is known then.
-        for entry in usage.entries.iter().filter(|entry| self.blueprint.keeps(entry.mux)) {
+        let entries = usages.iter().flat_map(|usage| &usage.entries);
+        for entry in entries.filter(|entry| self.blueprint.keeps(entry.mux)) {
             if let Some(entry) = scene.od.entry(entry.mux).filter(|_| self.chance(60))
                 && entry.access.writable()
                 && let Some(value) = self.value(entry, scene)
@@ -114,7 +141,11 @@ impl Draw<'_> {
         // Whether a device in its own time comes first to a burst, or to a change of its state, or
         // to what follows, nobody knows.
         let (steps, burst) = if self.blueprint.is_in_its_own_time() { (11, 1) } else { (16, 3) };
-        for _ in 0..3 + self.below(7) {
+        for _ in 0..3 + self.below(4 + 3 * usages.len()) {
+            let Some(usage) = usages.get(self.below(usages.len())) else { break };
+            if usage.timed && self.chance(30) {
+                self.plan_pause();
+            }
             match self.below(steps) {
                 0..=4 => self.plan_transfer(usage, scene),
                 5..=7 => {
@@ -128,14 +159,16 @@ impl Draw<'_> {
                 }
                 8..=10 => self.plan_look(usage),
                 11 | 12 => self.plan_change(usage, scene),
-                13 => {
-                    let time = self.pick(&[5_000, 12_000, 60_000]).unwrap_or(PAUSE);
-                    self.passes(Kind::Wait, Vec::new(), time);
-                }
+                13 => self.plan_pause(),
                 _ => self.plan_interruption(usage),
             }
         }
-        self.plan_look(usage);
+        usages.iter().for_each(|usage| self.plan_look(usage));
+    }
+
+    fn plan_pause(&mut self) {
+        let time = self.pick(&[5_000, 12_000, 30_000, 60_000]).unwrap_or(PAUSE);
+        self.passes(Kind::Wait, Vec::new(), time);
     }
 
     /// The frame of an RPDO, or a request for a TPDO, or an event of it.
@@ -144,13 +177,30 @@ impl Draw<'_> {
         match usage.direction {
             Direction::Receive => {
                 let data = [(); 8].map(|()| self.byte());
-                let frame = Frame::new(id, Data::new(&data[..bytes]));
-                self.passes(Kind::Rpdo, vec![frame], PAUSE);
+                let right = Frame::new(id, Data::new(&data[..bytes]));
+                if !self.blueprint.is_in_its_own_time() && self.chance(15) {
+                    let wrong = self.wrong_rpdo(right, &data);
+                    self.passes(Kind::RpdoWrong, vec![wrong], PAUSE);
+                }
+                self.passes(Kind::Rpdo, vec![right], PAUSE);
             }
             Direction::Transmit if self.chance(40) => {
                 self.passes(Kind::TpdoRequest, vec![Frame::remote(id, bytes as u8)], PAUSE);
             }
             Direction::Transmit => self.plan_change(usage, scene),
+        }
+    }
+
+    /// A frame that is nearly the one of an RPDO; `data` are eight bytes that begin with its own.
+    pub(super) fn wrong_rpdo(&mut self, right: Frame, data: &[u8; 8]) -> Frame {
+        let bytes = right.data.len();
+        let of = |length: usize| Frame { data: Data::new(&data[..length]), ..right };
+        match self.below(6) {
+            0 | 1 => of(bytes.saturating_sub(1)),
+            2 => of((bytes + 1).min(8)),
+            3 => of(0),
+            4 => Frame { id: Id::extended(right.id.raw()), ..right },
+            _ => Frame { remote: true, data: Data::new(&[0; 8][..bytes]), ..right },
         }
     }
 
@@ -285,5 +335,5 @@ fn usage(index: u16, direction: Direction, scene: Scene<'_>) -> Option<Usage> {
     let entries = words.map(|word| Some(Mapping::decode(word? as u32)));
     let entries = entries.collect::<Option<Vec<Mapping>>>()?;
     let used = CobId(cob).can_id() > 0 && !entries.is_empty();
-    used.then_some(Usage { direction, index, cob, entries })
+    used.then_some(Usage { direction, index, cob, entries, timed: false })
 }

@@ -27,7 +27,7 @@ impl Draw<'_> {
                 _ => Request::InquireNodeId,
             },
             // On a bus, a device without node id would not come back.
-            Kind::LssIdentify if !self.blueprint.is_in_its_own_time() && self.chance(4) => {
+            Kind::LssIdentify if !self.blueprint.is_in_its_own_time() && self.chance(10) => {
                 return self.whole_fastscan();
             }
             Kind::LssIdentify if self.chance(15) => return self.whole(kind),
@@ -49,10 +49,14 @@ impl Draw<'_> {
             Kind::LssWrong => return self.wrong_lss(),
             _ => return None,
         };
-        Some(Self::master(kind, vec![request.frame()]))
+        Some(Self::master(kind, request))
     }
 
-    pub(super) fn master(does: Kind, frames: Vec<Frame>) -> Action {
+    pub(super) fn master(does: Kind, request: Request) -> Action {
+        Self::sends_lss(does, vec![request.frame()])
+    }
+
+    fn sends_lss(does: Kind, frames: Vec<Frame>) -> Action {
         Action::new(does, frames, Then::answer(RESPONSE_COB_ID))
     }
 
@@ -71,7 +75,7 @@ impl Draw<'_> {
                 false => Request::Identify(Bound::ALL[step], number).frame(),
             })
         });
-        Some(Self::master(kind, frames.collect::<Option<_>>()?))
+        Some(Self::sends_lss(kind, frames.collect::<Option<_>>()?))
     }
 
     /// The next step of a sequence, mostly in order.
@@ -163,7 +167,7 @@ impl Draw<'_> {
             }
             _ => Frame::new(REQUEST_COB_ID, [0x04, 1, 0xFF, 0xFF, 0, 0, 0, 0]),
         };
-        Some(Self::master(Kind::LssWrong, vec![frame]))
+        Some(Self::sends_lss(Kind::LssWrong, vec![frame]))
     }
 }
 

@@ -195,16 +195,8 @@ impl Draw<'_> {
         let mut data = [0; 8];
         let kinds = [0x00, 0x01, 0x05, 0x7F, 0x80, 0xFF];
         data[..bytes].iter_mut().for_each(|byte| *byte = self.pick(&kinds).unwrap_or(0));
-        let id = cob.can_id();
-        Some(match kind {
-            Kind::Rpdo => Frame::new(id, Data::new(&data[..bytes])),
-            _ => match self.below(4) {
-                0 if bytes > 0 => Frame::new(id, Data::new(&data[..bytes - 1])),
-                1 if bytes < 8 => Frame::new(id, Data::new(&data[..bytes + 1])),
-                2 => Frame::remote(id, bytes as u8),
-                _ => Frame::new(id, []),
-            },
-        })
+        let right = Frame::new(cob.can_id(), Data::new(&data[..bytes]));
+        Some(if kind == Kind::Rpdo { right } else { self.wrong_rpdo(right, &data) })
     }
 
     pub(super) fn sync(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Frame> {

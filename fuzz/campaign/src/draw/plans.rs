@@ -125,19 +125,40 @@ impl Draw<'_> {
         }
     }
 
-    /// The whole mapping of a PDO, and its use: PDO off, count 0, entries, count, type, PDO on.
+    /// The whole mapping of a PDO, and its use. What it holds, another one may hold as well.
     pub(super) fn whole_mapping(&mut self, scene: Scene<'_>) -> Option<Action> {
-        let kind = Kind::ConfigureMapping;
         let (pdo, direction) = self.a_pdo();
+        let mut usages = vec![self.plan_mapping(pdo, direction, None, scene)?];
+        if let Some(other) = self.other_pdo(pdo, 25) {
+            let same = usages[0].entries.clone();
+            usages.extend(self.plan_mapping(other, direction, Some(same), scene));
+        }
+        self.plan_to_use(&usages, scene);
+        self.planned.pop_front()
+    }
+
+    /// PDO off, count 0, entries, count, type, PDO on.
+    fn plan_mapping(
+        &mut self,
+        pdo: u16,
+        direction: Direction,
+        entries: Option<Vec<Mapping>>,
+        scene: Scene<'_>,
+    ) -> Option<Usage> {
+        let kind = Kind::ConfigureMapping;
         let index = communication(direction) + pdo;
         let (cob, mapping) = (Mux::new(index, 1), index + 0x200);
         let present = scene.od.int(cob)? as u32;
+        let places = scene.od.entries_in(mapping..=mapping).len().saturating_sub(1).min(64);
+        let entries = match entries {
+            Some(entries) if entries.len() <= places => entries,
+            Some(_) => return None,
+            None => self.entries_to_map(direction, places)?,
+        };
         let off = self.writes(kind, cob, &(present | CobId::INVALID).to_le_bytes());
         self.plan(off);
         let none = self.writes(kind, Mux::new(mapping, 0), &[0]);
         self.plan(none);
-        let places = scene.od.entries_in(mapping..=mapping).len().saturating_sub(1).min(64);
-        let entries = self.entries_to_map(direction, places)?;
         for (place, entry) in entries.iter().enumerate() {
             let to = Mux::new(mapping, 1 + place as u8);
             let write = self.writes(kind, to, &entry.encode().to_le_bytes());
@@ -157,8 +178,7 @@ impl Draw<'_> {
         let present = present & !CobId::INVALID;
         let on = self.writes(kind, cob, &present.to_le_bytes());
         self.plan(on);
-        self.plan_to_use(&Usage { direction, index, cob: present, entries }, scene);
-        self.planned.pop_front()
+        Some(Usage { direction, index, cob: present, entries, timed: false })
     }
 
     /// Entries of a mapping that fit: often one alone, or as many as there is room for.
@@ -188,42 +208,83 @@ impl Draw<'_> {
         Some(entries)
     }
 
-    /// A device without node id, and the whole of a fastscan, mostly with one step that is odd.
+    /// A device without node id, fastscans of it, and its node id again, mostly.
     pub(super) fn whole_fastscan(&mut self) -> Option<Action> {
-        let master = |kind, request: Lss| Some(Self::master(kind, vec![request.frame()]));
-        self.plan(master(Kind::LssSwitch, Lss::SwitchGlobal(Mode::CONFIGURATION)));
-        self.plan(master(Kind::LssConfigure, Lss::ConfigureNodeId(UNCONFIGURED)));
-        self.plan(master(Kind::LssSwitch, Lss::SwitchGlobal(Mode::WAITING)));
-        let command = Command { service: Service::RESET_COMMUNICATION, node: self.node() };
-        let then = Then::Wait(100_000);
-        self.plan(Some(Action::new(Kind::NmtReset, vec![command.frame()], then)));
-        for _ in 0..=self.below(2) {
-            let odd = self.below(8);
-            let confirm = Fastscan { number: 0, bit: Fastscan::CONFIRM, part: 0, next: 0 };
-            self.plan(master(Kind::LssIdentify, Lss::Fastscan(confirm)));
-            for part in 0..4 {
-                let mut number = self.own_part(part)?;
-                let (part, mut bit, mut next) = (part as u8, 0, (part as u8 + 1) % 4);
-                if self.chance(30) {
-                    bit = self.pick(&[1, 7, 8, 16, 24, 31])?;
-                    (number, next) = (number >> bit << bit, part);
-                    let step = Fastscan { number, bit, part, next };
-                    self.plan(master(Kind::LssIdentify, Lss::Fastscan(step)));
-                    (number, bit, next) = (self.own_part(part.into())?, 0, (part + 1) % 4);
-                }
-                if odd == usize::from(part) {
-                    match self.below(3) {
-                        0 => number ^= 1 << self.below(32),
-                        1 => next = self.pick(&[0, part, 4, 255])?,
-                        _ => bit = self.pick(&[32, 127])?,
-                    }
-                }
-                let step = Fastscan { number, bit, part, next };
-                self.plan(master(Kind::LssIdentify, Lss::Fastscan(step)));
-            }
-            self.plan(master(Kind::LssInquire, Lss::Inquire(Part::ALL[0])));
+        let own = self.node();
+        self.plan_node_id(own, UNCONFIGURED);
+        for _ in 0..=self.below(3) {
+            self.plan_fastscan()?;
+        }
+        if self.chance(85) {
+            self.plan_node_id(UNCONFIGURED, own);
         }
         self.planned.pop_front()
+    }
+
+    /// A fastscan as a master makes it, part after part, mostly with a question that is odd, and a
+    /// look at the state in which it leaves the device.
+    fn plan_fastscan(&mut self) -> Option<()> {
+        let confirm = Fastscan { number: 0, bit: Fastscan::CONFIRM, part: 0, next: 0 };
+        let mut questions = if self.chance(90) { vec![confirm] } else { Vec::new() };
+        let odd = self.below(7) as u8;
+        for part in 0..4 {
+            let own = self.own_part(part.into())?;
+            let high = self.pick(&[1, 7, 8, 15, 16, 24, 30, 31]).filter(|_| self.chance(50));
+            for bit in high.into_iter().chain([0]) {
+                let next = if bit == 0 { (part + 1) % 4 } else { part };
+                let right = Fastscan { number: own >> bit << bit, bit, part, next };
+                if odd == part && self.chance(60) {
+                    questions.push(self.odd_question(right)?);
+                }
+                if odd != part || self.chance(60) {
+                    questions.push(right);
+                }
+            }
+            let frames = questions.drain(..).map(|it| Lss::Fastscan(it).frame()).collect();
+            self.plan(Some(Action::new(Kind::LssIdentify, frames, Then::Wait(2_000))));
+        }
+        self.plan(Some(Self::master(Kind::LssInquire, Lss::Inquire(Part::ALL[0]))));
+        let again = Self::master(Kind::LssSwitch, Lss::SwitchGlobal(Mode::WAITING));
+        let again = Some(again).filter(|_| self.chance(80));
+        self.plan(again);
+        Some(())
+    }
+
+    /// A question that a device must not answer, or that leads it somewhere else.
+    fn odd_question(&mut self, right: Fastscan) -> Option<Fastscan> {
+        let Fastscan { number, bit, part, .. } = right;
+        Some(match self.below(5) {
+            // One of the bits that are compared.
+            0 | 1 => {
+                let flipped = bit + self.below(usize::from(32 - bit)) as u8;
+                Fastscan { number: number ^ 1 << flipped, ..right }
+            }
+            2 => Fastscan { next: self.pick(&[0, part, (part + 3) % 4, 4, 255])?, ..right },
+            3 => Fastscan { bit: self.pick(&[32, 127])?, ..right },
+            _ => {
+                let part = self.pick(&[0, 1, 2, 3, 4])?;
+                let number = self.own_part((part % 4).into())?;
+                Fastscan { number, bit: 0, part, next: (part + 1) % 4 }
+            }
+        })
+    }
+
+    /// The device gets a node id, and boots with it. One without node id waits for no reset.
+    fn plan_node_id(&mut self, from: u8, to: u8) {
+        let requests = [
+            (Kind::LssSwitch, Lss::SwitchGlobal(Mode::CONFIGURATION)),
+            (Kind::LssConfigure, Lss::ConfigureNodeId(to)),
+            (Kind::LssSwitch, Lss::SwitchGlobal(Mode::WAITING)),
+        ];
+        for (kind, request) in requests {
+            self.plan(Some(Self::master(kind, request)));
+        }
+        let reset = Command { service: Service::RESET_COMMUNICATION, node: from };
+        let (frames, then) = match from {
+            UNCONFIGURED => (Vec::new(), Then::Wait(100_000)),
+            _ => (vec![reset.frame()], Then::Wait(100_000)),
+        };
+        self.plan(Some(Action::new(Kind::NmtReset, frames, then)));
     }
 
     /// Both identifiers of a further server.
@@ -261,12 +322,12 @@ impl Draw<'_> {
 
     /// The bit rate of the bus is switched to again: the device is silent for a time, and back.
     pub(super) fn whole_activation(&mut self) -> Option<Action> {
-        let master = |kind, request: Lss| Some(Self::master(kind, vec![request.frame()]));
-        self.plan(master(Kind::LssSwitch, Lss::SwitchGlobal(Mode::CONFIGURATION)));
+        let configures = Lss::SwitchGlobal(Mode::CONFIGURATION);
+        self.plan(Some(Self::master(Kind::LssSwitch, configures)));
         if self.chance(85) {
             let index = self.present_bit_rate()?;
             let timing = Lss::ConfigureBitTiming { table: 0, index };
-            self.plan(master(Kind::LssConfigure, timing));
+            self.plan(Some(Self::master(Kind::LssConfigure, timing)));
         }
         let delay: u16 = self.pick(&[1, 5, 20, 100, 255, 300, 1_000, 40_000])?;
         let (frame, half) = (Lss::ActivateBitTiming(delay).frame(), u64::from(delay) * 500);
@@ -286,17 +347,7 @@ impl Draw<'_> {
     pub(super) fn whole_renaming(&mut self) -> Option<Action> {
         let other = self.pick(&[125, 127, 127, 1, 126])?;
         for (from, to) in [(self.node(), other), (other, self.node())] {
-            let requests = [
-                (Kind::LssSwitch, Lss::SwitchGlobal(Mode::CONFIGURATION)),
-                (Kind::LssConfigure, Lss::ConfigureNodeId(to)),
-                (Kind::LssSwitch, Lss::SwitchGlobal(Mode::WAITING)),
-            ];
-            for (kind, request) in requests {
-                self.plan(Some(Self::master(kind, vec![request.frame()])));
-            }
-            let reset = Command { service: Service::RESET_COMMUNICATION, node: from };
-            let then = Then::Wait(100_000);
-            self.plan(Some(Action::new(Kind::NmtReset, vec![reset.frame()], then)));
+            self.plan_node_id(from, to);
             for _ in 0..self.below(3) {
                 let asks = match self.chance(50) {
                     true => Request::Upload(Mux::new(0x1018, 1)).frame(to),
