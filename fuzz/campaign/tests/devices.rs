@@ -199,6 +199,7 @@ fn mutants_are_found_and_their_requirements_are_named() {
         // Each of these needs a plan: a whole channel or fastscan.
         "third-server-unheard",
         "lss-fastscan-never-ends",
+        "lss-fastscan-answers-for-any-product",
         "lss-activation-ignored",
         "lss-node-127-does-not-boot",
     ] {

@@ -106,7 +106,7 @@ impl Draw<'_> {
         if !self.chance(45) {
             return false;
         }
-        // The inhibit time counts 100 microseconds, and the event timer, or the deadline of an RPDO,
+        // The inhibit time counts 100 microseconds; the event timer, and the deadline of an RPDO,
         // milliseconds.
         let inhibit = (3, [0_u16, 50, 100, 500]);
         let timer = (5, [0, 5, 20, 50]);
