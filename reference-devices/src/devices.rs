@@ -550,7 +550,7 @@ mod tests {
             assert!(!reading.has_errors(), "{:#?}", reading.diagnostics);
             assert_eq!(reading.eds.without_lines(), *device.description.eds);
             // CiA 311 has no place for the description of the file.
-            let mut described = canopen::eds::Eds::clone(&device.description.eds);
+            let mut described = Eds::clone(&device.description.eds);
             let xdd = canopen::eds::read(canopen::eds::write_xdd(&described).as_bytes());
             assert_eq!(xdd.diagnostics, reading.diagnostics, "{name}");
             described.file.description.clear();
