@@ -102,11 +102,14 @@ pub struct Watched {
     /// How late a frame may be because others are on a slow wire; there, each frame of the tester
     /// may hold up a heartbeat as long.
     pub slack: Duration,
+    /// How long the device may stand still without a fault of its own, such as a program that
+    /// waits for the processor.
+    pub hold_up: Duration,
 }
 
 /// The monitors that watch a node in every case.
 pub fn all(watched: Watched) -> Vec<Box<dyn Monitor>> {
-    let Watched { node, known, tpdos, standing, slack } = watched;
+    let Watched { node, known, tpdos, standing, slack, hold_up } = watched;
     let mut monitors: Vec<Box<dyn Monitor>> = vec![
         Box::new(NoSurprise {
             node,
@@ -115,7 +118,15 @@ pub fn all(watched: Watched) -> Vec<Box<dyn Monitor>> {
             standing,
             ..NoSurprise::default()
         }),
-        Box::new(HeartbeatAlive { node, slack, own: 0, asked: None, period: None, last: None }),
+        Box::new(HeartbeatAlive {
+            node,
+            slack,
+            hold_up,
+            own: 0,
+            asked: None,
+            period: None,
+            last: None,
+        }),
         Box::new(SilentWhenStopped { node, stopped: false, asked: false }),
         Box::new(NoPdoOutsideOperational { node, tpdos, slack, said: None, sent: None }),
     ];
@@ -353,6 +364,7 @@ impl Monitor for KnownIdentifiers {
 struct HeartbeatAlive {
     node: u8,
     slack: Duration,
+    hold_up: Duration,
     /// How many frames of the tester came since the last heartbeat.
     own: u32,
     asked: Option<Duration>,
@@ -366,7 +378,8 @@ impl HeartbeatAlive {
     fn gap(&self, now: Instant) -> Option<Duration> {
         let (period, last) = self.period.zip(self.last)?;
         let gap = now.since(last);
-        (gap > period * 2 + Self::SLACK + self.slack * (self.own + 1)).then_some(gap)
+        let bears = Self::SLACK + self.hold_up + self.slack * (self.own + 1);
+        (gap > period * 2 + bears).then_some(gap)
     }
 
     /// A frame in front of the heartbeat, and a host that is late by a few milliseconds.
@@ -531,9 +544,12 @@ mod tests {
     }
 
     fn breaches_beside(standing: Standing, lines: &[&str]) -> Vec<String> {
+        breaches_of(Watched { standing, ..Watched::default() }, lines)
+    }
+
+    fn breaches_of(watched: Watched, lines: &[&str]) -> Vec<String> {
         let known = Some(vec![0x333]);
-        let tpdos = vec![0x185];
-        let mut monitors = all(Watched { node: 5, known, tpdos, standing, ..Watched::default() });
+        let mut monitors = all(Watched { node: 5, known, tpdos: vec![0x185], ..watched });
         let mut found = Vec::new();
         for line in lines {
             let (ms, text) = line.split_once(' ').unwrap();
@@ -684,6 +700,9 @@ mod tests {
         assert_eq!(breaches(&alive), [""; 0]);
         let gap = [&set[..], &["310 705#7F"]].concat();
         assert_eq!(breaches(&gap), ["a heartbeat every 100 ms: none for 300 ms"]);
+        let held_up = |hold_up| breaches_of(Watched { hold_up, ..Watched::default() }, &gap);
+        assert_eq!(held_up(Duration::from_millis(100)), [""; 0]);
+        assert_eq!(held_up(Duration::from_millis(90)).len(), 1);
         let reset = [&set[..], &["20 >000#8205", "900 !705#00"]].concat();
         assert_eq!(breaches(&reset), [""; 0]);
         let supply = [&set[..], &["900 !705#00", "1900 705#7F"]].concat();

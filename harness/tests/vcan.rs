@@ -16,7 +16,7 @@ use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use canopen::{Bus, Frame};
+use canopen::{Bus, BusError, Frame};
 use harness::bus::socketcan::SocketCan;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
@@ -349,15 +349,23 @@ fn a_campaign_that_is_ended_leaves_the_device_as_before() {
     let _wire = wire();
     let files = Files::new();
     let _served = Served::device("generic", &[]);
-    let mut seen = SocketCan::open("vcan0", Stop::default()).expect("vcan0 is up");
     for (ends, boots) in [(Signal::SIGINT, 6), (Signal::SIGTERM, 9), (Signal::SIGKILL, 12)] {
+        // Nobody reads between two campaigns, so that each is watched from its beginning on.
+        let mut seen = SocketCan::open("vcan0", Stop::default()).expect("vcan0 is up");
         let campaign = files.campaign(&["--time", "1h"]);
         let give_up = seen.now() + Duration::from_secs(120);
         let is_boot_up = |frame: &Frame| frame.to_string() == "702#00";
         let mut left = boots;
         while left > 0 {
-            let frame = seen.recv(give_up).expect("vcan0 works").expect("sessions go on").frame;
-            left -= u32::from(is_boot_up(&frame));
+            match seen.recv(give_up) {
+                Ok(stamped) => {
+                    let frame = stamped.expect("sessions go on").frame;
+                    left -= u32::from(is_boot_up(&frame));
+                }
+                // A busy machine reads too late, and the next boot-up message counts as well.
+                Err(BusError::Lost(_)) => {}
+                Err(error) => panic!("{error}"),
+            }
         }
         signal(&campaign, ends);
         let output = campaign.wait_with_output().unwrap();
