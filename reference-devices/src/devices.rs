@@ -544,7 +544,8 @@ mod tests {
 
     #[test]
     fn a_data_sheet_reads_as_it_was_described() {
-        let said = |reading: &canopen::eds::Reading| -> Vec<String> {
+        // The order is that of each text.
+        let said = |reading: &canopen::eds::Reading| -> std::collections::BTreeSet<String> {
             reading.diagnostics.iter().map(|it| format!("{} {}", it.code, it.message)).collect()
         };
         for name in names() {
