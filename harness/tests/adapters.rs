@@ -12,6 +12,8 @@ mod gs_usb;
 mod python;
 #[path = "common/record.rs"]
 mod record;
+#[path = "common/session.rs"]
+mod session;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -23,16 +25,17 @@ use adapter::{Fault, Manner};
 use canopen::{Bus, VirtualBus, eds};
 use common::harness;
 use harness::bus::GsUsb;
+use harness::target::DEFAULT_BIT_RATE;
 use reference_devices::devices;
 use reference_devices::rules::Rules;
 use reference_devices::stack::Node;
 use reports::{CaseRun, Event, Outcome, Run, Verdict};
 use runner::dut::Dut;
 use runner::plan::plan;
-use runner::run::{Ending, Policy, Session, Undo, Unobserved};
+use runner::run::Ending;
 use runner::stop::Stop;
 use runner::suite::Library;
-use runner::waivers::Waivers;
+use session::run_session;
 use tempfile::TempDir;
 
 const SERVED: &str = "generic --node 5";
@@ -200,34 +203,22 @@ fn on_gs_usb(adapter: gs_usb::Adapter, topics: &[&str]) -> (Verdicts, Ending) {
 }
 
 fn in_virtual_time(topics: &[&str]) -> Verdicts {
-    let mut bus = VirtualBus::new(1_000_000);
+    let mut bus = VirtualBus::new(DEFAULT_BIT_RATE);
     bus.attach(generic());
     in_process(&mut bus, topics).0
 }
 
 /// Runs cases of these topics in this process.
 fn in_process(bus: &mut dyn Bus, topics: &[&str]) -> (Verdicts, Ending) {
-    const RATE: u32 = 1_000_000;
     let device = devices::device("generic").expect("it is a reference device");
     let eds = eds::read(device.eds_text().as_bytes()).eds;
     let library = Library::built_in().expect("the suites load");
-    let mut dut = Dut { bit_rate: Some(RATE), ..Dut::new("generic", 5, eds) };
+    let mut dut = Dut { bit_rate: Some(DEFAULT_BIT_RATE), ..Dut::new("generic", 5, eds) };
     dut.shares_its_machine = bus.is_real();
     let mut plan = plan(&library, &dut, &BTreeMap::new()).expect("the suites fit the device");
     plan.instances.retain(|instance| topics.contains(&instance.suite.name()));
-    let session = Session {
-        plan: &plan,
-        register: &library.register,
-        policy: Policy::at_bit_rate(RATE),
-        rerun: String::new(),
-        waivers: &Waivers::default(),
-        max_fail: None,
-        stop: &Stop::default(),
-        undo: &Undo::default(),
-        observer: &Unobserved,
-    };
     let (mut name, mut verdicts) = (String::new(), Verdicts::new());
-    let ending = session.run(bus, &mut |event| match event {
+    let ending = run_session(&library, &plan, bus, &mut |event| match event {
         Event::CaseStarted(case) => name = case.name(),
         // A case that is tried again ends again.
         Event::CaseEnded(case) => _ = verdicts.insert(name.clone(), case.outcome.verdict()),

@@ -16,6 +16,11 @@ use crate::candump::{self, LONGEST, shortly};
 const INTERFACE: &str = "can0";
 /// The number of messages that may wait for another side that does not read them.
 const MOST_WAITING: usize = 1000;
+/// A message that is none, as an error shows it.
+pub(super) fn quoted(message: &[u8]) -> String {
+    shortly(String::from_utf8_lossy(message).trim()).escape_debug().to_string()
+}
+
 /// How long a request to stop may go unseen.
 const STOP_CHECK: Duration = Duration::from_millis(50);
 

@@ -18,10 +18,9 @@ use runner::stop::Stop;
 
 use super::echo::{Echoes, Refused};
 use super::far_clock::FarClock;
-use super::lines::{Clock, Ending, Inbox, Lines, Speech};
+use super::lines::{Clock, Ending, Inbox, Lines, Speech, quoted};
 use super::program::Process;
 use super::socketcan::SocketCan;
-use crate::candump::shortly;
 use crate::files::words;
 use codec::Message;
 
@@ -358,8 +357,7 @@ impl Speech for Told {
             }
             Ok(Message::Sent | Message::Ready(_) | Message::Adapter(..)) => {}
             Err(why) => {
-                let text = String::from_utf8_lossy(message);
-                let text = shortly(text.trim()).escape_debug().to_string();
+                let text = quoted(message);
                 inbox.fault(BusError::Lost(format!(
                     "the bridge to python-can:{} wrote `{text}`, which is no frame: {why}",
                     self.name

@@ -16,9 +16,8 @@ use runner::stop::Stop;
 
 use super::echo::{Echoes, Refused};
 use super::far_clock::{FarClock, Unwrapped};
-use super::lines::{Clock, Ending, Inbox, Lines, Speech};
+use super::lines::{Clock, Ending, Inbox, Lines, Speech, quoted};
 use super::port::Port;
-use crate::candump::shortly;
 use codec::{BELL, BIT_RATES, CR, Flags, Message};
 
 /// How an adapter is reached, as `slcan:/dev/ttyACM0,bitrate=500000` or `slcan:tcp://host:port`.
@@ -409,8 +408,7 @@ impl Speech for Lawicel {
             Ok(Message::Flags(flags)) => self.told(flags, inbox),
             Ok(Message::Other) => {}
             Err(why) => {
-                let text = String::from_utf8_lossy(message);
-                let text = shortly(text.trim()).escape_debug().to_string();
+                let text = quoted(message);
                 inbox.fault(BusError::Lost(format!(
                     "the adapter {} sent `{text}`, which is no frame: {why}",
                     self.name

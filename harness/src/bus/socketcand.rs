@@ -14,10 +14,9 @@ use runner::stop::Stop;
 
 use super::echo::Echoes;
 use super::far_clock::FarClock;
-use super::lines::{Clock, Ending, Inbox, Lines, Speech};
+use super::lines::{Clock, Ending, Inbox, Lines, Speech, quoted};
 use super::port::Port;
 use super::socketcan::SocketCan;
-use crate::candump::shortly;
 use codec::Message;
 
 /// An interface and its server, as `socketcand://host:29536/can0`.
@@ -146,8 +145,7 @@ impl Connection {
                 }
                 Ok(Message::Frame(..) | Message::ErrorFrame(_)) => {}
                 Ok(_) | Err(_) => {
-                    let text = String::from_utf8_lossy(&message);
-                    let text = shortly(text.trim()).escape_debug().to_string();
+                    let text = quoted(&message);
                     return Err(BusError::Open(format!(
                         "{host} does not speak as socketcand does, it says `{text}`: is this its \
                          port?"
@@ -263,8 +261,7 @@ impl Speech for Words {
             }
             Ok(Message::Hi | Message::Ok) => {}
             Err(why) => {
-                let text = String::from_utf8_lossy(message);
-                let text = shortly(text.trim()).escape_debug().to_string();
+                let text = quoted(message);
                 inbox.fault(BusError::Lost(format!(
                     "socketcand:{} sent `{text}`, which is no frame: {why}",
                     self.name

@@ -6,7 +6,7 @@ use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use canopen::eds::{self, Severity};
+use canopen::eds::{self, Eds, Severity};
 use runner::stop::Stop;
 use runner::suite::step::Step;
 use runner::suite::{Level, Library};
@@ -32,7 +32,10 @@ pub(super) fn run(command: &EdsCommand, stop: &Stop) -> Result<Exit, Refused> {
             let files = match format {
                 SheetFormat::Eds => device.generated_files().to_vec(),
                 SheetFormat::Xdd => {
-                    vec![(device.beside("xdd"), eds::write_xdd(&device.description.eds))]
+                    let mut sheet = Eds::clone(&device.description.eds);
+                    let stem = sheet.file.name.strip_suffix(".eds");
+                    sheet.file.name = format!("{}.xdd", stem.unwrap_or(&sheet.file.name));
+                    vec![(device.beside("xdd"), eds::write_xdd(&sheet))]
                 }
             };
             write(files, out.as_deref())
