@@ -38,10 +38,12 @@ pub struct Surface {
     pub(crate) readable: Vec<Mux>,
     /// Those of them that the device itself changes.
     pub(crate) moving: Vec<Mux>,
-    /// What RPDOs carry by default: the identifier, and the settings with their lengths in bytes.
-    pub(crate) rpdos: Vec<(u16, Fields)>,
+    /// The RPDOs as they are by default.
+    pub(crate) rpdos: Vec<Pdo>,
     /// The TPDOs: the index of the communication parameters, and the identifier by default.
     pub(crate) tpdos: Vec<(u16, u32)>,
+    /// Whether it has layer setting services.
+    pub(crate) lss: bool,
     /// What can be read only, with values of its length.
     pub(crate) fixed: Vec<(Mux, Vec<u8>)>,
     /// Settings by their names, the numbers in them apart.
@@ -52,8 +54,18 @@ pub struct Surface {
     bits: BTreeMap<Mux, i64>,
 }
 
-/// What a PDO carries: settings by their places, and lengths in bytes.
-pub(crate) type Fields = Vec<(Option<usize>, usize)>;
+/// An RPDO.
+#[derive(Clone, Debug)]
+pub(crate) struct Pdo {
+    /// The object with its communication parameters.
+    pub(crate) index: u16,
+    /// Its COB-ID.
+    pub(crate) cob: u32,
+    /// What it carries: settings by their places, and lengths in bytes.
+    pub(crate) fields: Vec<(Option<usize>, usize)>,
+    /// Whether it can carry something else.
+    pub(crate) mappable: bool,
+}
 
 /// A value that the network can set.
 #[derive(Clone, Debug)]
@@ -97,6 +109,7 @@ impl Surface {
             moving: Vec::new(),
             rpdos: Vec::new(),
             tpdos: Vec::new(),
+            lss: description.eds.device.lss,
             fixed: Vec::new(),
             kin: BTreeMap::new(),
             names: BTreeMap::new(),
@@ -152,10 +165,12 @@ impl Surface {
             let entry = eds.entry(Mux::new(index, sub))?;
             entry.default.as_ref()?.resolve(node).as_int()
         };
+        let mappable = |index| {
+            let count = eds.entry(Mux::new(index, 0));
+            count.is_none_or(|entry| entry.access.writable())
+        };
         for pdo in 0..eds.device.tpdo_count {
-            let is_fixed = |entry: &&Entry| !entry.access.writable();
-            let fixed = eds.entry(Mux::new(0x1A00 + pdo, 0)).filter(is_fixed);
-            if let (Some(cob), None) = (number(0x1800 + pdo, 1), fixed) {
+            if let Some(cob) = number(0x1800 + pdo, 1).filter(|_| mappable(0x1A00 + pdo)) {
                 self.tpdos.push((0x1800 + pdo, cob as u32));
             }
         }
@@ -170,7 +185,8 @@ impl Surface {
             });
             let fields: Vec<_> = fields.collect();
             if !fields.is_empty() {
-                self.rpdos.push(((cob & 0x7FF) as u16, fields));
+                let (index, cob, mappable) = (0x1400 + pdo, cob as u32, mappable(0x1600 + pdo));
+                self.rpdos.push(Pdo { index, cob, fields, mappable });
             }
         }
     }

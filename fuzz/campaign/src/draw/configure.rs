@@ -13,7 +13,12 @@ impl Draw<'_> {
         let whole = !self.blueprint.is_in_its_own_time();
         let mux = match kind {
             Kind::Store | Kind::Restore => return self.storage(kind, scene),
-            Kind::ConfigurePdo if whole && self.chance(20) => return self.whole_use(scene),
+            Kind::ConfigurePdo if whole && self.chance(25) => {
+                return match self.below(5) {
+                    0 => self.whole_wait(scene),
+                    _ => self.whole_use(scene),
+                };
+            }
             Kind::ConfigurePdo => self.of_pdo(scene)?,
             Kind::ConfigureMapping if self.chance(25) => return self.whole_mapping(scene),
             Kind::ConfigureMapping => return self.of_mapping(scene),

@@ -31,6 +31,8 @@ const SYNC: Mux = Mux::new(0x1005, 0);
 const PERIOD: Mux = Mux::new(0x1006, 0);
 const WINDOW: Mux = Mux::new(0x1007, 0);
 const OVERFLOW: Mux = Mux::new(0x1019, 0);
+/// More RPDOs at once than a device has places for, if it does not use them as they come.
+const BURST: usize = 64;
 /// A pause in microseconds in which everything is done that is done at once.
 const PAUSE: u64 = 1_500;
 
@@ -149,13 +151,9 @@ impl Draw<'_> {
             match self.below(steps) {
                 0..=4 => self.plan_transfer(usage, scene),
                 5..=7 => {
-                    let frame = self.sync(Kind::Sync, scene);
+                    let frame = self.sync(Kind::Sync, scene).into_iter().collect::<Vec<_>>();
                     let times = 1 + self.below(burst);
-                    self.passes(
-                        Kind::Sync,
-                        frame.into_iter().collect::<Vec<_>>().repeat(times),
-                        PAUSE,
-                    );
+                    self.passes(Kind::Sync, frame.repeat(times), PAUSE);
                 }
                 8..=10 => self.plan_look(usage),
                 11 | 12 => self.plan_change(usage, scene),
@@ -175,19 +173,29 @@ impl Draw<'_> {
     fn plan_transfer(&mut self, usage: &Usage, scene: Scene<'_>) {
         let (id, bytes) = (CobId(usage.cob).can_id(), usage.bytes());
         match usage.direction {
-            Direction::Receive => {
-                let data = [(); 8].map(|()| self.byte());
-                let right = Frame::new(id, Data::new(&data[..bytes]));
-                if !self.blueprint.is_in_its_own_time() && self.chance(15) {
-                    let wrong = self.wrong_rpdo(right, &data);
-                    self.passes(Kind::RpdoWrong, vec![wrong], PAUSE);
-                }
-                self.passes(Kind::Rpdo, vec![right], PAUSE);
-            }
+            Direction::Receive => self.plan_rpdo(id, bytes),
             Direction::Transmit if self.chance(40) => {
                 self.passes(Kind::TpdoRequest, vec![Frame::remote(id, bytes as u8)], PAUSE);
             }
             Direction::Transmit => self.plan_change(usage, scene),
+        }
+    }
+
+    /// An RPDO, at times after or instead of one that is wrong, or as the last of many.
+    fn plan_rpdo(&mut self, id: u16, bytes: usize) {
+        let own_time = self.blueprint.is_in_its_own_time();
+        let frames = if !own_time && self.chance(3) { BURST } else { 1 };
+        let all = (0..frames).map(|_| [(); 8].map(|()| self.byte())).collect::<Vec<_>>();
+        let right = all.iter().map(|data| Frame::new(id, Data::new(&data[..bytes])));
+        let right: Vec<Frame> = right.collect();
+        if own_time || !self.chance(20) {
+            return self.passes(Kind::Rpdo, right, PAUSE);
+        }
+        let wrong = self.wrong_rpdo(right[0], &all[0]);
+        self.passes(Kind::RpdoWrong, vec![wrong], PAUSE);
+        // What the wrong one has changed is seen without the right one.
+        if self.chance(50) {
+            self.passes(Kind::Rpdo, right, PAUSE);
         }
     }
 
@@ -226,14 +234,70 @@ impl Draw<'_> {
 
     /// A PDO, or the node, is switched off and on.
     fn plan_interruption(&mut self, usage: &Usage) {
-        match self.below(3) {
+        match self.below(4) {
             0 => self.plan_state(Service::STOP),
             1 => self.plan_state(Service::ENTER_PRE_OPERATIONAL),
+            2 => self.plan_reset(),
             _ => return self.plan_parameters(usage.index, usage.cob, &[]),
         }
         if self.chance(85) {
             self.plan_state(Service::START);
         }
+    }
+
+    /// The parameters of the communication are again those of the last power-on.
+    fn plan_reset(&mut self) {
+        let command = Command { service: Service::RESET_COMMUNICATION, node: self.node() };
+        let reset = Action::new(Kind::NmtReset, vec![command.frame()], self.boots());
+        self.plan(Some(reset));
+    }
+
+    fn plan_sync(&mut self, scene: Scene<'_>) {
+        let frame = self.sync(Kind::Sync, scene);
+        self.passes(Kind::Sync, frame.into_iter().collect(), PAUSE);
+    }
+
+    /// RPDOs that wait for a SYNC, what happens until it comes, and what they have changed then.
+    pub(super) fn whole_wait(&mut self, scene: Scene<'_>) -> Option<Action> {
+        let kind = self.pick(&[0, 1, 1, 2, 240])?;
+        let direction = Direction::Receive;
+        let pdos = if self.pdos[0] == self.pdos[1] { &self.pdos[..1] } else { &self.pdos[..] };
+        let usages = pdos.iter().filter_map(|pdo| usage(0x1400 + pdo, direction, scene));
+        let usages = usages.collect::<Vec<_>>();
+        for usage in &usages {
+            self.plan_parameters(usage.index, usage.cob, &[(2, kind)]);
+        }
+        self.plan_state(Service::START);
+        for _ in 0..2 + self.below(3) {
+            for usage in &usages {
+                (0..self.below(3)).for_each(|_| self.plan_transfer(usage, scene));
+            }
+            let Some(usage) = usages.get(self.below(usages.len())) else { break };
+            match self.below(6) {
+                0 => self.plan_change(usage, scene),
+                1 => self.plan_interruption(usage),
+                2 => self.plan_absence(&usages, scene),
+                _ => {}
+            }
+            self.plan_sync(scene);
+            usages.iter().for_each(|usage| self.plan_look(usage));
+            if self.chance(30) {
+                // It takes effect once.
+                self.plan_change(usage, scene);
+                self.plan_sync(scene);
+                self.plan_look(usage);
+            }
+        }
+        self.planned.pop_front()
+    }
+
+    /// A SYNC comes while the node is not in OPERATIONAL.
+    fn plan_absence(&mut self, usages: &[Usage], scene: Scene<'_>) {
+        let away = self.pick(&[Service::STOP, Service::ENTER_PRE_OPERATIONAL]);
+        self.plan_state(away.unwrap_or(Service::STOP));
+        self.plan_sync(scene);
+        usages.iter().for_each(|usage| self.plan_look(usage));
+        self.plan_state(Service::START);
     }
 
     /// SYNC with a counter, and a TPDO that begins with one of its values.
@@ -274,6 +338,16 @@ impl Draw<'_> {
         self.plan_write(Kind::ConfigureSync, SYNC, &(present | PRODUCES).to_le_bytes());
         let rounds = if overflow > 10 && period < 2_000 { u64::from(overflow) + 10 } else { 12 };
         self.passes(Kind::Wait, Vec::new(), rounds * u64::from(period));
+        if self.chance(25) {
+            self.plan_state(Service::STOP);
+            self.passes(Kind::Wait, Vec::new(), 3 * u64::from(period));
+            self.plan_state(Service::START);
+        }
+        if self.chance(25) {
+            let other: u32 = self.pick(&[1_000, 2_500, 20_000])?;
+            self.plan_write(Kind::ConfigureSync, PERIOD, &other.to_le_bytes());
+            self.passes(Kind::Wait, Vec::new(), 5 * u64::from(other));
+        }
         if self.chance(20) {
             // Its identifier is in use.
             let other = self.pick(&[0x90, 0x190, 0x6A0])?;

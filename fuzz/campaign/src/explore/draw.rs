@@ -1,21 +1,21 @@
 //! A story: a session that sets a device up, lets it work, and looks.
 
+mod deeds;
+mod values;
+
 use std::collections::BTreeMap;
-use std::sync::Arc;
 use std::time::Duration;
 
 use arbitrary::Unstructured;
 use canopen::eds::Term;
 use canopen::heartbeat;
-use canopen::nmt::{Command, Service};
-use canopen::pdo::CobId;
+use canopen::nmt::Service;
 use canopen::sdo::{Initiate, REQUEST_COB_ID, RESPONSE_COB_ID, Request};
 use canopen::{Data, Frame, Mux};
 
 use super::coverage::{Coverage, Pair, Tried};
-use crate::action::{Action, Kind, Stimulus, Then};
-use crate::oracle::error_control;
-use crate::surface::{FIRST_OF_APPLICATION, Setting, Surface, Unit, Values};
+use crate::action::{Action, Kind, Then};
+use crate::surface::{FIRST_OF_APPLICATION, Pdo, Surface};
 
 /// What a session does, and what it tries together.
 pub(super) struct Story {
@@ -43,6 +43,7 @@ pub(super) fn story(
         written: BTreeMap::new(),
         focus: Vec::new(),
         sources: Vec::new(),
+        rpdos: surface.rpdos.clone(),
         state: State::PreOperational,
         longest,
         left: longest,
@@ -64,6 +65,8 @@ struct Draw<'d> {
     focus: Vec<usize>,
     /// The stimuli that it is about, by their places.
     sources: Vec<usize>,
+    /// The RPDOs as they are configured.
+    rpdos: Vec<Pdo>,
     state: State,
     /// How long it waits at most.
     longest: Duration,
@@ -414,329 +417,11 @@ impl Draw<'_> {
                 let frame = Frame::remote(heartbeat::COB_ID + u16::from(self.node), 1);
                 self.act(Kind::Guarding, vec![frame], Then::Wait(2_000));
             }
+            97 if self.surface.lss => self.configure_by_lss(),
             _ => self.stimulate(),
         }
     }
 
-    fn act(&mut self, does: Kind, frames: Vec<Frame>, then: Then) {
-        self.story.actions.push(Action::new(does, frames, then));
-    }
-
-    /// Writes a setting of the session again: another value, or the one from before.
-    fn write_again(&mut self) {
-        let place = self.below(self.focus.len());
-        let setting = self.focus[place];
-        match self.default_of(setting) {
-            Some(default) if self.chance(1, 4) => self.put(setting, default),
-            _ => self.write(setting),
-        }
-    }
-
-    fn default_of(&self, setting: usize) -> Option<i64> {
-        let default = self.surface.settings[setting].entry.default.as_ref()?;
-        i64::try_from(default.resolve(self.node).as_int()?).ok()
-    }
-
-    fn write(&mut self, setting: usize) {
-        let drawn: Vec<(i64, u8)> = (0..2).map(|_| self.value(setting)).collect();
-        let with = self.state as u16 | STATES;
-        let count = |drawn: &(i64, u8)| self.tried(setting, drawn.1, with);
-        let (value, sort) = drawn.into_iter().min_by_key(count).unwrap_or_default();
-        self.note(setting, sort);
-        self.put(setting, value);
-    }
-
-    /// Writes a value that was not drawn.
-    fn put_noted(&mut self, setting: usize, value: i64) {
-        let default = self.default_of(setting);
-        let sort = if default == Some(value) { USUAL_VALUE } else { POSITIVE };
-        self.note(setting, sort);
-        self.put(setting, value);
-    }
-
-    /// Notes what a value is tried together with.
-    fn note(&mut self, setting: usize, sort: u8) {
-        let with = self.state as u16 | STATES;
-        let (setting_, with_) = (setting as u16, self.surface.settings[setting].function as u16);
-        self.story.tried.pairs.push(Pair { setting: setting_, sort, with });
-        self.story.tried.pairs.push(Pair { setting: setting_, sort, with: with_ });
-        for other in self.written.keys() {
-            let with = self.surface.settings[*other].function as u16;
-            if with != with_ {
-                self.story.tried.pairs.push(Pair { setting: setting_, sort, with });
-            }
-        }
-    }
-
-    fn put(&mut self, setting: usize, value: i64) {
-        let entry = &self.surface.settings[setting].entry;
-        let size = entry.data_type.size().unwrap_or(4);
-        let (mux, data) = (entry.mux, Data::new(&value.to_le_bytes()[..size]));
-        self.written.insert(setting, value);
-        self.download(Kind::Download, mux, data);
-    }
-
-    fn download(&mut self, does: Kind, mux: Mux, data: Data) {
-        let request = Request::Download(mux, Initiate::Expedited(data));
-        let answer = RESPONSE_COB_ID + u16::from(self.node);
-        self.act(does, vec![request.frame(self.node)], Then::answer(answer));
-    }
-
-    fn stimulate(&mut self) {
-        if self.sources.is_empty() {
-            return;
-        }
-        let source = match self.chance(1, 12) {
-            true => self.below(self.surface.stimuli.len()),
-            false => {
-                let place = self.below(self.sources.len());
-                self.sources[place]
-            }
-        };
-        let name = Arc::clone(&self.surface.stimuli[source].name);
-        let value = self.level(source);
-        let time = self.brief();
-        self.story.actions.push(Action {
-            does: Kind::Stimulate,
-            frames: Vec::new(),
-            bench: Some(Stimulus { name, value: value.into() }),
-            then: Then::after(time),
-        });
-    }
-
-    /// A value of a stimulus.
-    fn level(&mut self, source: usize) -> String {
-        let (low, high, process) = match &self.surface.stimuli[source].values {
-            Values::Words(words) => return words[self.below(words.len())].to_owned(),
-            Values::Whole(low, high) if *high <= 255 => {
-                let (low, high) = (*low, *high);
-                return self.within(low, high).to_string();
-            }
-            Values::Whole(low, high) => (*low as f64, *high as f64, false),
-            Values::Real { low, high, process } => (*low, *high, *process),
-        };
-        let is_whole = matches!(self.surface.stimuli[source].values, Values::Whole(..));
-        let number = match self.below(20) {
-            0 => low,
-            1 => high,
-            2 if process => return "process".to_owned(),
-            2 => 0.0,
-            3..=10 => self.around_a_setting(),
-            11..=15 => {
-                let magnitude = self.magnitude(low.abs().max(high.abs()));
-                if low < 0.0 && self.chance(1, 4) { -magnitude } else { magnitude }
-            }
-            _ => {
-                let share = f64::from(self.bytes.arbitrary::<u16>().unwrap_or(0)) / 65535.0;
-                low + share * (high - low)
-            }
-        };
-        let number = number.clamp(low, high);
-        let digits = if self.chance(1, 3) { 100.0 } else { 10.0 };
-        let number = (number * digits).round() / digits;
-        // What rounding has moved out of the range.
-        let number = number.clamp(low, high);
-        if is_whole { format!("{}", number as i64) } else { format!("{number}") }
-    }
-
-    /// A number as one of the settings has it, in some unit, or one beside it.
-    fn around_a_setting(&mut self) -> f64 {
-        let written = self.written.len();
-        let place = match written > 0 && self.chance(4, 5) {
-            true => {
-                let place = self.below(written);
-                self.written.keys().nth(place).copied().unwrap_or(0)
-            }
-            false => self.below(self.surface.settings.len()),
-        };
-        let setting = &self.surface.settings[place];
-        let value = self.written.get(&place).copied().or_else(|| self.default_of(place));
-        let value = value.unwrap_or(0) as f64 * setting.scale;
-        let factors = [1.0, 1.0, 1.0, 1.0, 0.1, 0.01, 10.0, 100.0, 1000.0];
-        let factor = factors[self.below(factors.len())];
-        let besides = [0.0, 0.0, 0.1, -0.1, 1.0, -1.0, 5.0, -5.0, 0.5];
-        value * factor + besides[self.below(besides.len())]
-    }
-
-    /// A number up to `most`, of each order of magnitude as often.
-    fn magnitude(&mut self, most: f64) -> f64 {
-        let share = f64::from(self.bytes.arbitrary::<u16>().unwrap_or(0)) / 65535.0;
-        (most.max(1.0) * 10.0).powf(share) / 10.0
-    }
-
-    fn wait(&mut self) {
-        let time = self.time().min(self.left);
-        self.left = self.left.saturating_sub(time);
-        if time > Duration::from_secs(60) {
-            self.state = State::Worked;
-        }
-        self.act(Kind::Wait, Vec::new(), Then::after(time));
-    }
-
-    /// A time that is short.
-    fn brief(&mut self) -> Duration {
-        let times = [2, 5, 20, 20, 100, 100, 300, 1000];
-        Duration::from_millis(times[self.below(times.len())])
-    }
-
-    fn time(&mut self) -> Duration {
-        let share = f64::from(self.bytes.arbitrary::<u16>().unwrap_or(0)) / 65535.0;
-        let between = |low: f64, high: f64| low * (high / low).powf(share);
-        let seconds = match self.below(20) {
-            0..=4 => between(0.001, 0.1),
-            5..=9 => between(0.1, 5.0),
-            10..=15 => match self.known_time() {
-                Some(seconds) => {
-                    let factors = [0.5, 0.97, 1.0, 1.03, 1.2, 2.1];
-                    seconds * factors[self.below(factors.len())]
-                }
-                None => between(0.5, 20.0),
-            },
-            16 | 17 => between(5.0, 120.0),
-            18 => between(60.0, 900.0),
-            _ => between(300.0, 7200.0),
-        };
-        Duration::from_micros((seconds * 1e6) as u64).max(Duration::from_micros(100))
-    }
-
-    /// The time that one of the settings is.
-    fn known_time(&mut self) -> Option<f64> {
-        let times = self.written.iter().filter_map(|(place, value)| {
-            let setting = &self.surface.settings[*place];
-            let is_time = setting.unit == Unit::Seconds && *value != 0;
-            is_time.then(|| value.unsigned_abs() as f64 * setting.scale)
-        });
-        let times: Vec<f64> = times.collect();
-        (!times.is_empty()).then(|| times[self.below(times.len())])
-    }
-
-    fn look(&mut self) {
-        let time = self.brief();
-        self.act(Kind::Wait, Vec::new(), Then::after(time));
-        self.act(Kind::Look, Vec::new(), Then::Wait(0));
-    }
-
-    fn receive(&mut self) {
-        if self.surface.rpdos.is_empty() {
-            return;
-        }
-        let (id, fields) = self.surface.rpdos[self.below(self.surface.rpdos.len())].clone();
-        let mut bytes = Vec::with_capacity(8);
-        for (setting, size) in fields {
-            let value = match setting {
-                Some(setting) => {
-                    let (value, _) = self.value(setting);
-                    self.written.insert(setting, value);
-                    value
-                }
-                None => 0,
-            };
-            bytes.extend_from_slice(&value.to_le_bytes()[..size.min(8)]);
-        }
-        bytes.truncate(8);
-        let time = self.brief();
-        self.act(Kind::Rpdo, vec![Frame::new(id, Data::new(&bytes))], Then::after(time));
-    }
-
-    /// Maps other objects into a TPDO.
-    fn map(&mut self) {
-        let (pdos, all) = (self.surface.tpdos.len(), self.surface.moving.len());
-        if pdos == 0 || all == 0 {
-            return;
-        }
-        let (index, cob) = self.surface.tpdos[self.below(pdos)];
-        let byte = |value: u8| Data::new(&[value]);
-        let long = |value: u32| Data::new(&value.to_le_bytes());
-        self.download(Kind::ConfigurePdo, Mux::new(index, 1), long(cob | CobId::INVALID));
-        self.download(Kind::ConfigureMapping, Mux::new(index + 0x200, 0), byte(0));
-        let (mut count, mut bits) = (0, 0);
-        for _ in 0..1 + self.below(4) {
-            let of_settings = self.chance(1, 3);
-            let mux = match of_settings {
-                true => self.surface.settings[self.below(self.surface.settings.len())].entry.mux,
-                false => self.surface.moving[self.below(all)],
-            };
-            let length = self.surface.bits(mux);
-            bits += length;
-            if bits > 64 {
-                break;
-            }
-            count += 1;
-            let link = u32::from(mux.index) << 16 | u32::from(mux.sub) << 8 | length as u32;
-            self.download(Kind::ConfigureMapping, Mux::new(index + 0x200, count), long(link));
-        }
-        self.download(Kind::ConfigureMapping, Mux::new(index + 0x200, 0), byte(count));
-        self.download(Kind::ConfigurePdo, Mux::new(index, 1), long(cob & !CobId::INVALID));
-    }
-
-    fn nmt(&mut self) {
-        let services =
-            [Service::START, Service::START, Service::STOP, Service::ENTER_PRE_OPERATIONAL];
-        let service = services[self.below(services.len())];
-        self.switch(service);
-    }
-
-    fn switch(&mut self, service: Service) {
-        self.state = match service {
-            Service::START => State::Operational,
-            Service::STOP => State::Stopped,
-            _ => State::PreOperational,
-        };
-        let frame = Command { service, node: self.node }.frame();
-        self.act(Kind::NmtState, vec![frame], Then::Wait(5_000));
-    }
-
-    fn reset(&mut self) {
-        let services = [Service::RESET_NODE, Service::RESET_NODE, Service::RESET_COMMUNICATION];
-        let service = services[self.below(services.len())];
-        let frame = Command { service, node: self.node }.frame();
-        self.state = State::Reset;
-        self.act(Kind::NmtReset, vec![frame], Then::answer(error_control(self.node)));
-        self.again();
-    }
-
-    fn power(&mut self) {
-        self.state = State::PoweredAgain;
-        self.act(Kind::PowerCycle, Vec::new(), Then::answer(error_control(self.node)));
-        self.again();
-    }
-
-    /// Goes on after a reset.
-    fn again(&mut self) {
-        if self.chance(3, 4) {
-            let frame = Command { service: Service::START, node: self.node }.frame();
-            self.act(Kind::NmtState, vec![frame], Then::Wait(5_000));
-        }
-    }
-
-    fn store(&mut self) {
-        let (index, word, does) = match self.chance(3, 4) {
-            true => (0x1010, b"save", Kind::Store),
-            false => (0x1011, b"load", Kind::Restore),
-        };
-        self.download(does, Mux::new(index, 1), Data::new(word));
-        match self.below(3) {
-            0 => self.power(),
-            1 => self.reset(),
-            _ => {}
-        }
-    }
-}
-
-/// The sorts of values. Each of a few codes is a sort of its own, from 16 on.
-const LOW: u8 = 0;
-const HIGH: u8 = 1;
-const NEAR_LOW: u8 = 2;
-const NEAR_HIGH: u8 = 3;
-const NOTHING: u8 = 4;
-const NEGATIVE: u8 = 5;
-const POSITIVE: u8 = 6;
-const USUAL_VALUE: u8 = 7;
-const OUTSIDE: u8 = 8;
-/// What marks a state in a pair.
-const STATES: u16 = 0x8000;
-
-impl Draw<'_> {
     fn below(&mut self, count: usize) -> usize {
         self.bytes.int_in_range(0..=count.saturating_sub(1)).unwrap_or(0)
     }
@@ -747,141 +432,6 @@ impl Draw<'_> {
 
     fn within(&mut self, low: i64, high: i64) -> i64 {
         self.bytes.int_in_range(low..=high.max(low)).unwrap_or(low)
-    }
-
-    /// A value for a setting, and its sort.
-    fn value(&mut self, place: usize) -> (i64, u8) {
-        let setting = &self.surface.settings[place];
-        if let Some(value) = self.of_communication(setting) {
-            return value;
-        }
-        if !setting.entry.data_type.is_integer() && setting.entry.data_type.size() == Some(4) {
-            return self.real(place);
-        }
-        let bound =
-            |term: &Option<Term>| i64::try_from(term.as_ref()?.resolve(self.node).as_int()?).ok();
-        let limits = setting.entry.data_type.limits().unwrap_or((0, 1));
-        let bounds = (bound(&setting.entry.low), bound(&setting.entry.high));
-        let is_free = bounds == (None, None);
-        let low = bounds.0.unwrap_or(limits.0 as i64);
-        let high = bounds.1.unwrap_or(limits.1 as i64);
-        if high - low <= FEW {
-            return self.one_of_few(low, high, limits);
-        }
-        let value = match self.below(if is_free { 23 } else { 20 }) {
-            0 => low,
-            1 => high,
-            2 => low + 1,
-            3 => high - 1,
-            4 if (low..=high).contains(&0) => 0,
-            5 => self.default_of(place).unwrap_or(low),
-            6 => {
-                let outside = if self.chance(1, 2) { low - 1 } else { high + 1 };
-                let fits = (limits.0..=limits.1).contains(&i128::from(outside));
-                if fits { outside } else { low }
-            }
-            7..=9 => self.like_another(low, high),
-            10 | 11 => self.within(low, high),
-            12..=19 => self.sized(low, high),
-            20 => 1_i64.checked_shl(self.below(32) as u32).unwrap_or(1),
-            21 if setting.entry.data_type.size() == Some(1) => self.within(0, 255),
-            21 => self.within(0, 31),
-            _ => self.link(place),
-        };
-        (value, sort(value, low, high, self.default_of(place)))
-    }
-
-    fn one_of_few(&mut self, low: i64, high: i64, limits: (i128, i128)) -> (i64, u8) {
-        if self.chance(1, 25) {
-            let outside = if self.chance(1, 3) { low - 1 } else { high + 1 };
-            if (limits.0..=limits.1).contains(&i128::from(outside)) {
-                return (outside, OUTSIDE);
-            }
-        }
-        let value = self.within(low, high);
-        // Each of a few codes is a sort of its own.
-        (value, 16 + (value - low) as u8)
-    }
-
-    /// A value of each order of magnitude as often.
-    fn sized(&mut self, low: i64, high: i64) -> i64 {
-        let most = low.unsigned_abs().max(high.unsigned_abs());
-        let magnitude = self.magnitude(most as f64) as i64;
-        let negative = low < 0 && self.chance(2, 5);
-        (if negative { -magnitude } else { magnitude }).clamp(low, high)
-    }
-
-    /// The value of another setting, or one beside it.
-    fn like_another(&mut self, low: i64, high: i64) -> i64 {
-        if self.written.is_empty() {
-            return self.sized(low, high);
-        }
-        let place = self.below(self.written.len());
-        let value = self.written.values().nth(place).copied().unwrap_or(0);
-        let besides = [0, 0, 1, -1, 5, -5, 50, -50];
-        value.saturating_add(besides[self.below(besides.len())]).clamp(low, high)
-    }
-
-    /// An object of the application, as a mapping entry names it.
-    fn link(&mut self, place: usize) -> i64 {
-        let is_wide = self.surface.settings[place].entry.data_type.size() == Some(4);
-        if !is_wide || self.surface.moving.is_empty() {
-            return self.within(0, 255);
-        }
-        let mux = match self.chance(1, 3) {
-            true => self.surface.settings[self.below(self.surface.settings.len())].entry.mux,
-            false => self.surface.moving[self.below(self.surface.moving.len())],
-        };
-        let bits = self.surface.bits(mux);
-        i64::from(mux.index) << 16 | i64::from(mux.sub) << 8 | bits
-    }
-
-    fn real(&mut self, place: usize) -> (i64, u8) {
-        let default = self.surface.settings[place].entry.default.as_ref();
-        let default = default.and_then(|it| it.resolve(self.node).as_real()).unwrap_or(1.0);
-        let factors = [0.0, 0.5, 1.0, 2.0, 10.0, 0.1, -1.0, 1000.0];
-        let number = match self.chance(2, 3) {
-            true => default * factors[self.below(factors.len())],
-            false => self.magnitude(1000.0),
-        };
-        let sort = if number < 0.0 { NEGATIVE } else { POSITIVE };
-        (i64::from((number as f32).to_bits()), sort)
-    }
-
-    /// A value of what belongs to the communication.
-    fn of_communication(&mut self, setting: &Setting) -> Option<(i64, u8)> {
-        let Mux { index, sub } = setting.entry.mux;
-        let drawn: &[i64] = match (index, sub) {
-            (0x1006, _) => &[0, 10_000, 100_000],
-            (0x100C, _) => &[0, 100, 500, 1000],
-            (0x100D, _) => &[0, 1, 2, 3],
-            (0x1015, _) => &[0, 0, 10, 1000],
-            (0x1017, _) => &[0, 100, 1000, 5000],
-            (0x1016, _) => &[0, 0x7D_0064, 0x7D_01F4, 0x7D_07D0, 0x7C_0064, 0x7C_01F4],
-            (0x1029, _) => &[0, 1, 2],
-            (0x1400..=0x15FF | 0x1800..=0x19FF, 2) => &[0, 1, 2, 10, 252, 253, 254, 255, 255],
-            (0x1400..=0x15FF | 0x1800..=0x19FF, _) => &[0, 0, 100, 500, 1000],
-            _ => return None,
-        };
-        let place = self.below(drawn.len());
-        Some((drawn[place], 16 + place as u8))
-    }
-}
-
-/// How many codes are each of a sort of its own.
-const FEW: i64 = 32;
-
-fn sort(value: i64, low: i64, high: i64, default: Option<i64>) -> u8 {
-    match value {
-        _ if value < low || value > high => OUTSIDE,
-        _ if value == low => LOW,
-        _ if value == high => HIGH,
-        _ if Some(value) == default => USUAL_VALUE,
-        0 => NOTHING,
-        _ if value == low + 1 => NEAR_LOW,
-        _ if value == high - 1 => NEAR_HIGH,
-        _ if value < 0 => NEGATIVE,
-        _ => POSITIVE,
     }
 }
 
