@@ -47,6 +47,11 @@ decisions! {
         1
     }
 
+    /// The SDO server answers from the boot-up message on, or so many milliseconds later (7.3.2.2.2).
+    fn server_opens_after(&self) -> u32 {
+        0
+    }
+
     /// A reset gives the objects of its areas their stored or default values (7.3.2.2.1).
     fn reset_restores(&self, _reset: Reset) -> bool {
         true

@@ -1,5 +1,7 @@
 //! The NMT state machine (CiA 301, 7.3.2): commands, resets and the way to boot-up.
 
+use std::time::Duration;
+
 use canopen::heartbeat::ErrorControl;
 use canopen::lss::UNCONFIGURED;
 use canopen::{Abort, DataType, Instant, Mux, NmtState, Outbox};
@@ -11,6 +13,7 @@ use crate::stack::base::Base;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Nmt {
     boot_up_at: Option<Instant>,
+    booted_at: Instant,
     /// The state to return to after boot-up, for a node with the deviation that remembers it.
     remembered: Option<NmtState>,
 }
@@ -61,6 +64,7 @@ impl Nmt {
         out: &mut Outbox,
     ) -> Option<NmtState> {
         self.boot_up_at.take_if(|due| *due <= now)?;
+        self.booted_at = now;
         for _ in 0..base.rules.boot_up_messages() {
             out.push(ErrorControl::BOOT_UP.frame(base.id));
         }
@@ -69,6 +73,12 @@ impl Nmt {
         let alone = base.rules.starts_itself(startup);
         let first = if alone { NmtState::OPERATIONAL } else { NmtState::PRE_OPERATIONAL };
         Some(self.remembered.take().or(chosen).unwrap_or(first))
+    }
+
+    /// Whether the SDO server listens; it may begin to some time after the boot-up message.
+    pub(crate) fn server_is_open(&self, now: Instant, base: &Base) -> bool {
+        let closed = Duration::from_millis(base.rules.server_opens_after().into());
+        now >= self.booted_at + closed
     }
 
     pub(crate) fn poll_at(&self) -> Option<Instant> {

@@ -161,7 +161,9 @@ impl Node {
     /// Serves an SDO request; `false` when the frame is none.
     fn serve(&mut self, now: Instant, id: u16, data: Data, out: &mut Outbox) -> bool {
         let base = &self.services.base;
-        if !base.rules.sdo_served_in(base.state_of(Service::Sdo)) {
+        if !base.rules.sdo_served_in(base.state_of(Service::Sdo))
+            || !self.nmt.server_is_open(now, base)
+        {
             return false;
         }
         let busy = self.services.is_storing();

@@ -66,6 +66,21 @@ pub enum Step {
     Lss(Box<LssStep>),
 }
 
+impl Step {
+    /// Whether it begins with an SDO transfer.
+    pub(crate) fn transfers_objects(&self) -> bool {
+        matches!(
+            self,
+            Self::Read(_)
+                | Self::Write(_)
+                | Self::Defaults(_)
+                | Self::Remap(_)
+                | Self::Until(_)
+                | Self::Undeclared(_)
+        )
+    }
+}
+
 /// See [`Step::Lss`].
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]

@@ -97,6 +97,9 @@ impl Steps<'_, '_> {
     /// What went wrong.
     pub(in crate::run) fn run(&mut self, step: &Step) -> Judgement {
         (self.margin, self.awaited) = (Duration::ZERO, Duration::ZERO);
+        if step.transfers_objects() {
+            self.let_the_server_open()?;
+        }
         match step {
             Step::Send(frame) => {
                 let frame = self.frame(frame)?;
@@ -135,6 +138,21 @@ impl Steps<'_, '_> {
             Step::Eds(step) => self.eds(step),
             Step::Undeclared(step) => self.undeclared(step),
         }
+    }
+
+    /// A server may begin to listen some time after the boot-up message (CIA301-I-112).
+    fn let_the_server_open(&mut self) -> Result<(), BusError> {
+        let boot_up = ErrorControl::BOOT_UP.frame(self.dut.node);
+        let (mark, time) = (self.link.mark(), self.policy.change_of_state);
+        let mut recent = self
+            .link
+            .trace()
+            .iter()
+            .rev()
+            .map(|seen| seen.stamped)
+            .take_while(|it| it.at + time > mark);
+        let booted = recent.find(|seen| !seen.own && seen.frame == boot_up);
+        booted.map_or(Ok(()), |boot_up| self.link.wait(boot_up.at + time))
     }
 
     fn reply(&mut self, reply: &Reply) -> Judgement {
