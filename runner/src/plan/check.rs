@@ -424,6 +424,7 @@ impl<'c> Checker<'c> {
     fn no_way_out(&mut self, step: &At<Step>) {
         let (word, place) = match &step.value {
             Step::Write(write) => ("or-refused", write.or_refused.first().map(|code| code.place)),
+            Step::Read(read) => ("or-another", read.or_another.then_some(step.place)),
             Step::Reply(reply) => {
                 ("or-else", way_out(&reply.or_else, reply.or_silence, step.place))
             }

@@ -169,8 +169,9 @@ impl Wording<'_> {
                 format!(", {} is tolerated", list(values, ""))
             }
         };
+        let another = if read.or_another { ", or another value" } else { "" };
         let kept = kept(read.save.as_deref());
-        format!("read {object}{}{tolerated}{kept}", expected(&judged))
+        format!("read {object}{}{tolerated}{another}{kept}", expected(&judged))
     }
 
     fn until(&self, until: &Until) -> String {

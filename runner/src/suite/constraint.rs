@@ -84,6 +84,8 @@ pub enum Allowance {
     Taken,
     /// One of `or-else`.
     OrElse(usize),
+    /// Another value, which ends the steps.
+    OrAnother,
     /// One of `or-refused`.
     OrRefused(usize),
     /// Silence, which ends the steps.
@@ -107,6 +109,8 @@ impl Step {
             | Self::Bench(_) => false,
             Self::Write(write) => write.refused.is_some(),
             Self::Remap(remap) => remap.refused.is_some(),
+            // It only finds out whether the next ones can say anything.
+            Self::Read(read) if read.or_another => false,
             Self::Read(read) => {
                 read.save.is_none() || self.constraints().iter().any(Constraint::is_demand)
             }
@@ -264,6 +268,9 @@ fn of_expect(expect: &Expect) -> Vec<Constraint> {
 fn of_read(read: &Read) -> Vec<Constraint> {
     if let Some(refusal) = &read.refused {
         return of_refusal(refusal);
+    }
+    if read.or_another {
+        return when(true, Allowance::OrAnother);
     }
     let others = [
         read.length.as_ref().map(|_| Constraint::Length),
@@ -453,6 +460,7 @@ impl fmt::Display for Allowance {
             Self::Tolerated(place) => write!(f, "tolerated {place}"),
             Self::Taken => f.write_str("taken"),
             Self::OrElse(place) => write!(f, "or-else {place}"),
+            Self::OrAnother => f.write_str("or-another"),
             Self::OrRefused(place) => write!(f, "or-refused {place}"),
             Self::OrSilence => f.write_str("or-silence"),
             Self::AcceptSilence => f.write_str("accept-silence"),

@@ -108,7 +108,7 @@ pub(super) const OF_OBJECTS: [(&str, &str, &[&str], &[&str]); 4] = [
     (
         "read",
         "object",
-        &["refused", "lenient", "transfer", "block-size"],
+        &["refused", "lenient", "transfer", "block-size", "or-another"],
         &["value", "tolerated", "mask", "min", "max", "length", "characters", "save"],
     ),
     ("until", "object", &["within", "every"], &["value", "tolerated", "mask", "min", "max"]),

@@ -302,6 +302,10 @@ pub struct Read {
     /// It is readable ASCII, one character at least and so many at most.
     #[serde(default)]
     pub characters: Option<usize>,
+    /// The application may have changed the value itself: with another one the rest of the steps is
+    /// left out.
+    #[serde(default)]
+    pub or_another: bool,
     /// Names the value for later steps.
     #[serde(default)]
     pub save: Option<Box<At<Name>>>,

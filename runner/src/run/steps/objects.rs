@@ -68,6 +68,11 @@ impl Steps<'_, '_> {
                 self.allows(Allowance::Tolerated(place));
                 Some(about(difference))
             }
+            Judged::Wrong(_, difference) if read.or_another => {
+                self.allows(Allowance::OrAnother);
+                let Difference { expected, actual, .. } = about(difference);
+                return Err(Trouble::Declined(format!("{expected}: {actual}")));
+            }
             Judged::Wrong(constraints, difference) => {
                 self.broken(&constraints, about(difference))?
             }

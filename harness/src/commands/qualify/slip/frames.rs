@@ -187,7 +187,10 @@ pub(super) fn taking(scene: &Scene, allowance: Allowance) -> Vec<Slip> {
             taken(scene).first().into_iter().flat_map(|heard| lost(heard)).collect()
         }
         Allowance::Bounds(time) => times::accepted(scene, time),
-        Allowance::Tolerated(_) | Allowance::Taken | Allowance::OrRefused(_) => Vec::new(),
+        Allowance::Tolerated(_)
+        | Allowance::Taken
+        | Allowance::OrAnother
+        | Allowance::OrRefused(_) => Vec::new(),
     }
 }
 
