@@ -17,6 +17,7 @@ mod list;
 mod monitor;
 mod planned;
 mod qualify;
+mod recorded;
 mod report;
 mod restore;
 mod rewrite;

@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::sync_channel;
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 
@@ -49,6 +50,34 @@ pub fn try_map<'i, T: Sync, R: Send, E: Send>(
     work: impl Fn(&'i T) -> Result<R, E> + Sync,
 ) -> Result<Vec<R>, E> {
     map(items.iter().collect(), processors(), work).into_iter().collect()
+}
+
+/// Applies `work` to every item on up to `workers` threads while `take` takes the results on that of
+/// the caller, in the order of the items. Items are made as they are needed, so that only a few are
+/// there at a time.
+///
+/// # Errors
+/// The first one of `take`, which is the last thing that it does.
+pub fn stream<T: Send, R: Send, E>(
+    items: impl Iterator<Item = T> + Send,
+    workers: usize,
+    work: impl Fn(T) -> R + Sync,
+    mut take: impl FnMut(R) -> Result<(), E>,
+) -> Result<(), E> {
+    let work = &work;
+    thread::scope(|scope| {
+        let serve = |_| {
+            let (to_do, items) = sync_channel(1);
+            let (done, results) = sync_channel(1);
+            scope.spawn(move || items.into_iter().map(work).try_for_each(|one| done.send(one)));
+            (to_do, results)
+        };
+        let (to_do, results): (Vec<_>, Vec<_>) = (0..workers.max(1)).map(serve).unzip();
+        // Who is gone takes nothing more.
+        scope.spawn(move || items.zip(to_do.iter().cycle()).try_for_each(|(it, to)| to.send(it)));
+        // They come from one worker after the other, and there is none from the first without items.
+        results.iter().cycle().map_while(|worker| worker.recv().ok()).try_for_each(&mut take)
+    })
 }
 
 /// Passes on the events of sessions that run side by side as if they ran one after the other.
@@ -198,6 +227,29 @@ mod tests {
         for workers in [0, 1, 2, 5, 50] {
             let squares = map((0..20).collect(), workers, |number: u32| number * number);
             assert!(squares.into_iter().eq((0..20).map(|number| number * number)), "{workers}");
+        }
+    }
+
+    #[test]
+    fn results_are_taken_in_the_order_of_the_items_until_one_is_refused() {
+        for workers in [0, 1, 2, 5, 50] {
+            let taken_to = |most| {
+                let mut taken = Vec::new();
+                let ended = stream(
+                    0..200_u32,
+                    workers,
+                    |number| number * number,
+                    |square| {
+                        taken.push(square);
+                        if taken.len() == most { Err(square) } else { Ok(()) }
+                    },
+                );
+                assert!(
+                    taken.iter().copied().eq((0..200).take(most).map(|number| number * number))
+                );
+                ended
+            };
+            assert_eq!((taken_to(1_000), taken_to(7)), (Ok(()), Err(36)), "{workers}");
         }
     }
 

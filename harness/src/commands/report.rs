@@ -4,7 +4,7 @@ use reports::terminal::{Printer, Verbosity};
 use reports::{Event, Run, Style, compared, merged};
 use runner::plan::is_named;
 
-use super::run::{for_each_event, recorded};
+use super::recorded::{for_each_event, recorded};
 use crate::cli::RenderArgs;
 use crate::exit::{Exit, Refused};
 use crate::reporter::{render, say_report};

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use canopen::{BusError, Instant};
-use reports::{Event, Identity, Keep, Note, Run, RunEnded, RunStarted, Verdict, journal};
+use reports::{Event, Identity, Note, RunEnded, RunStarted, Verdict};
 use runner::parallel::{self, InTurn, processors};
 use runner::plan::{Instance, Plan};
 use runner::protect::Deed;
@@ -18,12 +18,12 @@ use runner::waivers::Waivers;
 use super::dry_run;
 use super::estimate::{self, Earlier};
 use super::planned::Planned;
+use super::recorded::recorded;
 use super::select::select;
 use crate::bus::unix_time;
 use crate::cli::RunArgs;
 use crate::exit::{Exit, Refused};
-use crate::files::{LARGEST_JOURNAL, Lines, read_source, words};
-use crate::progress::Progress;
+use crate::files::read_source;
 use crate::reporter::{Reporter, harmless, is_on_real_bus, started};
 use crate::target::{Connection, DEFAULT_BIT_RATE, Selection, Target};
 use crate::undo_log::{self, Changes, UndoLog};
@@ -179,46 +179,6 @@ const WORTH_A_WORD: Duration = Duration::from_secs(20);
 /// one by one takes a twentieth of a run.
 fn forget<T>(whole: T) {
     _ = ManuallyDrop::new(whole);
-}
-
-/// The run that a journal records.
-///
-/// # Errors
-/// When it cannot be read, or is no journal.
-pub(super) fn recorded(path: &Path) -> Result<Run, Refused> {
-    let mut run = Run::new(Keep::Unusual).watching();
-    for_each_event(path, |line, event| run.take(line, &event).map_err(|why| why.to_string()))?;
-    Ok(run)
-}
-
-/// Takes the events of a journal one after the other: it may be many times as large as what a
-/// report keeps of it.
-///
-/// # Errors
-/// When it cannot be read, or is no journal, or `take` refuses an event.
-pub(super) fn for_each_event(
-    path: &Path,
-    mut take: impl FnMut(usize, Event) -> Result<(), String>,
-) -> Result<(), Refused> {
-    let refused = |why: String| {
-        let message = format!("error: {}: {why}", path.display());
-        Refused { exit: Exit::File, message }
-    };
-    let lines = Lines::open(path, LARGEST_JOURNAL).map_err(|error| refused(words(&error)))?;
-    let size = std::fs::metadata(path).map_or(0, |known| known.len());
-    let (progress, mut read) = (Progress::of(size as usize), 0);
-    for (place, line) in lines.enumerate() {
-        let line = line.map_err(|error| refused(words(&error)))?;
-        read += line.len();
-        if place % 10_000 == 0 {
-            progress.says(read, || format!("reads {}", path.display()));
-        }
-        if let Some(event) = journal::event(&line, place + 1) {
-            let event = event.map_err(|why| refused(why.to_string()))?;
-            take(place + 1, event).map_err(refused)?;
-        }
-    }
-    Ok(())
 }
 
 /// The names of the cases that made the run of a journal red, or were FLAKY in it.

@@ -12,7 +12,7 @@ use std::path::Path;
 use reports::{Cause, Outcome, Run, Verdict, facts};
 
 use super::counted::counted;
-use super::run::recorded;
+use super::recorded::recorded;
 use crate::bus::unix_time;
 use crate::cli::WaiveArgs;
 use crate::exit::{Exit, Refused};

@@ -13,7 +13,8 @@ use runner::waivers::Waivers;
 use super::model::Modelled;
 use super::stage::Place;
 use crate::cli::{CampaignArgs, RunArgs};
-use crate::commands::run::{recorded, waivers_of};
+use crate::commands::recorded::recorded;
+use crate::commands::run::waivers_of;
 use crate::exit::Refused;
 use crate::target::Target;
 
