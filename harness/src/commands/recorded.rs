@@ -62,7 +62,10 @@ fn batches(mut lines: Lines) -> impl Iterator<Item = Batch> {
         for line in lines.by_ref().take(BATCH) {
             match line {
                 Ok(line) => batch.text.push_str(&line),
-                Err(error) => batch.end = Some(error),
+                Err(error) => {
+                    batch.end = Some(error);
+                    break;
+                }
             }
         }
         first += BATCH;
