@@ -52,9 +52,9 @@ pub fn try_map<'i, T: Sync, R: Send, E: Send>(
     map(items.iter().collect(), processors(), work).into_iter().collect()
 }
 
-/// Applies `work` to every item on up to `workers` threads while `take` takes the results on that of
-/// the caller, in the order of the items. Items are made as they are needed, so that only a few are
-/// there at a time.
+/// Applies `work` to every item on up to `workers` threads while `take` takes the results on that
+/// of the caller, in the order of the items. Items are made as they are needed, so that only a few
+/// are there at a time.
 ///
 /// # Errors
 /// The first one of `take`, which is the last thing that it does.
@@ -73,9 +73,9 @@ pub fn stream<T: Send, R: Send, E>(
             (to_do, results)
         };
         let (to_do, results): (Vec<_>, Vec<_>) = (0..workers.max(1)).map(serve).unzip();
-        // Who is gone takes nothing more.
+        // A worker whose results nobody takes is gone, and takes no more items.
         scope.spawn(move || items.zip(to_do.iter().cycle()).try_for_each(|(it, to)| to.send(it)));
-        // They come from one worker after the other, and there is none from the first without items.
+        // They come from one worker after the other, up to the first that had no item left.
         results.iter().cycle().map_while(|worker| worker.recv().ok()).try_for_each(&mut take)
     })
 }

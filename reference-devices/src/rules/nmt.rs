@@ -47,7 +47,8 @@ decisions! {
         1
     }
 
-    /// The SDO server answers from the boot-up message on, or so many milliseconds later (7.3.2.2.2).
+    /// The SDO server answers from the boot-up message on, or so many milliseconds later
+    /// (7.3.2.2.2).
     fn server_opens_after(&self) -> u32 {
         0
     }
