@@ -43,6 +43,10 @@ impl<'d, 'i> Scribe<'d, 'i, '_> {
 
     fn parameter(&self, node: Node<'d, 'i>) -> Vec<Line> {
         let mut keys = self.attributes(node, PARAMETER);
+        // The attribute is `read` where it is absent, as editors leave it.
+        if node.attribute("access").is_none() {
+            keys.push(Line::at("AccessType", "ro", self.place(node)));
+        }
         let below = |name| node.descendants().find(|it| is(it, name));
         for (element, key) in [
             ("defaultValue", "DefaultValue"),
