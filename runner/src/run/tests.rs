@@ -646,6 +646,26 @@ fn a_step_does_not_wait_for_an_optional_boot_up_message_that_never_comes() {
 }
 
 #[test]
+fn a_server_may_open_some_time_after_the_boot_up_message() {
+    let verdicts_of = |asks: &str| {
+        let mut booted = Instant::ZERO;
+        let mut bus = odd(Box::new(move |_, seen| {
+            if seen.frame == Frame::new(0x701, [0]) {
+                booted = seen.at;
+            }
+            let is_answer = seen.frame.data_id() == Some(0x581);
+            let too_early = is_answer && seen.at < booted + Duration::from_millis(10);
+            (!too_early).then_some(seen)
+        }));
+        let boots = "nmt: reset-node, expect: { frame: '700+n#00', within: 5 s }";
+        verdicts(&run(&mut bus, 2, &format!("[ {boots}, {asks} ]")))
+    };
+    assert_eq!(verdicts_of("read: { object: '1000:00' }"), [Verdict::Pass; 2]);
+    let at_once = "send: '600+n#40 00 10 00 00 00 00 00', reply: { frame: '580+n#43 ...' }";
+    assert_eq!(verdicts_of(at_once), [Verdict::Fail; 2]);
+}
+
+#[test]
 fn a_device_that_only_a_reset_of_all_nodes_brings_back_is_not_given_up() {
     let all = Frame::new(0, [0x81, 0]);
     let mut bus = odd(Box::new(move |sent, seen| {
