@@ -32,52 +32,78 @@ pub(crate) fn read(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     if bytes.len() as u64 <= most {
         return Ok(bytes);
     }
-    let has = fs::metadata(path).map_or(most + 1, |found| found.len().max(most + 1));
+    let has = fs::metadata(path).map(|found| found.len()).ok();
+    Err(too_large(has.filter(|has| *has > most + 1), most))
+}
+
+/// That a file has more bytes than it may have; `has` is how many where that is known.
+fn too_large(has: Option<u64>, most: u64) -> io::Error {
     let mib = |bytes: u64| format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20));
-    let has = if has == most + 1 { format!("more than {}", mib(most)) } else { mib(has) };
-    Err(io::Error::other(format!("it has {has}, and may have {}", mib(most))))
+    let has = has.map_or_else(|| format!("more than {}", mib(most)), mib);
+    io::Error::other(format!("it has {has}, and may have {}", mib(most)))
 }
 
-/// The lines of a file that has `most` bytes at most, each with its end.
-pub(crate) struct Lines {
+/// A file that has `most` bytes at most, some whole lines of it at a time.
+pub(crate) struct Blocks {
     file: BufReader<File>,
-    number: usize,
-    /// How many bytes may still come.
+    /// The number of the next line.
+    line: usize,
+    /// How many bytes may still come, and in all.
     left: u64,
+    most: u64,
 }
 
-impl Lines {
+/// Whole lines of a file, and the number of the first.
+pub(crate) struct Block {
+    line: usize,
+    bytes: Vec<u8>,
+}
+
+/// How many bytes a block has, but for the rest of its last line.
+const BLOCK: u64 = 256 << 10;
+
+impl Blocks {
     /// Opens the file.
     ///
     /// # Errors
     /// Whatever keeps it from being opened.
     pub(crate) fn open(path: &Path, most: u64) -> io::Result<Self> {
-        Ok(Self { file: BufReader::new(File::open(path)?), number: 0, left: most })
+        Ok(Self { file: BufReader::new(File::open(path)?), line: 1, left: most, most })
     }
 }
 
-impl Iterator for Lines {
-    type Item = io::Result<String>;
+impl Iterator for Blocks {
+    type Item = io::Result<Block>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let mut line = Vec::new();
-        self.number += 1;
-        match self.file.by_ref().take(self.left + 1).read_until(b'\n', &mut line) {
-            Err(error) => Some(Err(error)),
-            Ok(0) => None,
-            Ok(length) if length as u64 > self.left => {
-                Some(Err(io::Error::other(format!("line {} is too far in it", self.number))))
-            }
-            Ok(length) => {
-                self.left -= length as u64;
-                let wrong = |_| {
-                    let message = format!("line {} is not UTF-8", self.number);
-                    io::Error::new(io::ErrorKind::InvalidData, message)
-                };
-                Some(String::from_utf8(line).map_err(wrong))
-            }
+        let mut bytes = Vec::with_capacity(BLOCK as usize + 1024);
+        let mut file = self.file.by_ref().take(self.left + 1);
+        let read = file.by_ref().take(BLOCK).read_to_end(&mut bytes);
+        if let Err(error) = read.and_then(|_| file.read_until(b'\n', &mut bytes)) {
+            return Some(Err(error));
         }
+        let Some(left) = self.left.checked_sub(bytes.len() as u64) else {
+            return Some(Err(too_large(None, self.most)));
+        };
+        let block = Block { line: self.line, bytes };
+        self.left = left;
+        self.line += lines_in(&block.bytes);
+        (!block.bytes.is_empty()).then_some(Ok(block))
     }
+}
+
+impl Block {
+    /// The number of its first line, and its text.
+    ///
+    /// # Errors
+    /// That it is not UTF-8, and in which line.
+    pub(crate) fn text(self) -> io::Result<(usize, String)> {
+        Ok((self.line, text_from(self.line, self.bytes)?))
+    }
+}
+
+fn lines_in(bytes: &[u8]) -> usize {
+    bytes.iter().filter(|byte| **byte == b'\n').count()
 }
 
 /// The text of a file that describes something.
@@ -149,9 +175,13 @@ pub(crate) fn shown(path: &Path) -> String {
 /// # Errors
 /// That they are not UTF-8, and where.
 pub(crate) fn text(bytes: Vec<u8>) -> io::Result<String> {
+    text_from(1, bytes)
+}
+
+fn text_from(first: usize, bytes: Vec<u8>) -> io::Result<String> {
     String::from_utf8(bytes).map_err(|error| {
         let valid = error.utf8_error().valid_up_to();
-        let line = 1 + error.as_bytes()[..valid].iter().filter(|byte| **byte == b'\n').count();
+        let line = first + lines_in(&error.as_bytes()[..valid]);
         io::Error::new(io::ErrorKind::InvalidData, format!("line {line} is not UTF-8"))
     })
 }
@@ -183,5 +213,28 @@ mod tests {
         assert_eq!(why, "it has more than 1.0 MiB, and may have 1.0 MiB");
         fs::write(&path, b"one\n\xFF").unwrap();
         assert_eq!(words(&read_text(&path).unwrap_err()), "line 2 is not UTF-8");
+    }
+
+    #[test]
+    fn blocks_are_whole_lines_with_their_numbers() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("long");
+        let lines: Vec<String> =
+            (1..=30_000).map(|number| format!("this is line {number}\n")).collect();
+        let whole = lines.concat();
+        fs::write(&path, &whole).unwrap();
+        let blocks = || Blocks::open(&path, whole.len() as u64).unwrap();
+        let texts: Vec<_> = blocks().map(|block| block.unwrap().text().unwrap()).collect();
+        assert!(texts.len() > 1);
+        for (line, text) in &texts {
+            assert!(text.starts_with(&lines[line - 1]) && text.ends_with('\n'));
+        }
+        assert_eq!(texts.into_iter().map(|(_, text)| text).collect::<String>(), whole);
+        let one_less = Blocks::open(&path, whole.len() as u64 - 1).unwrap();
+        let why = one_less.filter_map(Result::err).next().unwrap();
+        assert_eq!(words(&why), "it has more than 0.5 MiB, and may have 0.5 MiB");
+        fs::write(&path, [whole.as_bytes(), b"\xFF"].concat()).unwrap();
+        let why = Blocks::open(&path, LARGEST).unwrap().find_map(|it| it.unwrap().text().err());
+        assert_eq!(words(&why.unwrap()), "line 30001 is not UTF-8");
     }
 }

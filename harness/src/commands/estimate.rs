@@ -19,7 +19,7 @@ use runner::waivers::Waivers;
 
 use super::counted::counted;
 use crate::cli::RunArgs;
-use crate::files::{LARGEST_JOURNAL, Lines};
+use crate::files::{Blocks, LARGEST_JOURNAL};
 use crate::reporter::{Remaining, roughly};
 use crate::target::DEFAULT_BIT_RATE;
 
@@ -49,28 +49,29 @@ pub(super) fn earlier(args: &RunArgs) -> Earlier {
 fn read(path: &Path, all: &mut Earlier) -> std::io::Result<()> {
     let by = format!("as the run of {} took", path.display());
     let (mut repeats, mut is_real, mut device, mut open) = (1, false, None, None);
-    for (place, line) in Lines::open(path, LARGEST_JOURNAL)?.enumerate() {
-        let line = line?;
+    for block in Blocks::open(path, LARGEST_JOURNAL)? {
+        let (_, text) = block?.text()?;
         // Most lines are frames.
-        if !WANTED.iter().any(|begin| line.starts_with(begin)) {
-            continue;
-        }
-        match journal::event(&line, place + 1) {
-            Some(Ok(Event::RunStarted(run))) => {
-                (is_real, repeats) = (run.began.is_some(), run.repeat.unwrap_or(1));
-            }
-            Some(Ok(Event::DeviceStarted(started))) => device = Some(started.device),
-            Some(Ok(Event::CaseStarted(case))) => open = Some((case.name(), case.at)),
-            Some(Ok(Event::CaseEnded(end))) => {
-                if let (Some(device), Some((name, began)), true) = (&device, open.take(), is_real)
-                    && has_run(&end)
-                {
-                    let by = || Times { cases: HashMap::new(), by: by.clone() };
-                    let times = all.entry(device.clone()).or_insert_with(by);
-                    *times.cases.entry(name).or_default() += end.at.since(began) / repeats;
+        let is_wanted = |line: &&str| WANTED.iter().any(|begin| line.starts_with(begin));
+        for line in text.split_inclusive('\n').filter(is_wanted) {
+            match journal::event(line, 1) {
+                Some(Ok(Event::RunStarted(run))) => {
+                    (is_real, repeats) = (run.began.is_some(), run.repeat.unwrap_or(1));
                 }
+                Some(Ok(Event::DeviceStarted(started))) => device = Some(started.device),
+                Some(Ok(Event::CaseStarted(case))) => open = Some((case.name(), case.at)),
+                Some(Ok(Event::CaseEnded(end))) => {
+                    if let (Some(device), Some((name, began)), true) =
+                        (&device, open.take(), is_real)
+                        && has_run(&end)
+                    {
+                        let by = || Times { cases: HashMap::new(), by: by.clone() };
+                        let times = all.entry(device.clone()).or_insert_with(by);
+                        *times.cases.entry(name).or_default() += end.at.since(began) / repeats;
+                    }
+                }
+                _ => {}
             }
-            _ => {}
         }
     }
     Ok(())

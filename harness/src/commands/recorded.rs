@@ -8,11 +8,8 @@ use reports::{Event, Keep, Run};
 use runner::parallel::{self, processors};
 
 use crate::exit::{Exit, Refused};
-use crate::files::{LARGEST_JOURNAL, Lines, words};
+use crate::files::{Block, Blocks, LARGEST_JOURNAL, words};
 use crate::progress::Progress;
-
-/// How many lines are decoded at once.
-const BATCH: usize = 2048;
 
 /// The run that a journal records.
 ///
@@ -37,10 +34,11 @@ pub(super) fn for_each_event(
         let message = format!("error: {}: {why}", path.display());
         Refused { exit: Exit::File, message }
     };
-    let lines = Lines::open(path, LARGEST_JOURNAL).map_err(|error| refused(words(&error)))?;
+    let blocks = Blocks::open(path, LARGEST_JOURNAL).map_err(|error| refused(words(&error)))?;
     let size = std::fs::metadata(path).map_or(0, |known| known.len());
     let (progress, mut read) = (Progress::of(size as usize), 0);
-    let decoded = parallel::stream(batches(lines), processors(), decoded, |(bytes, events)| {
+    let decoded = parallel::stream(blocks, processors(), decoded, |decoded| {
+        let (bytes, events) = decoded?;
         read += bytes;
         progress.says(read, || format!("reads {}", path.display()));
         events.into_iter().try_for_each(|event| event.and_then(|(line, event)| take(line, event)))
@@ -48,39 +46,15 @@ pub(super) fn for_each_event(
     decoded.map_err(refused)
 }
 
-/// Some lines of a journal, and why no more could be read.
-struct Batch {
-    first: usize,
-    text: String,
-    end: Option<io::Error>,
-}
+/// How many bytes some lines have, and their events with their numbers, or what is wrong with one.
+type Decoded = (usize, Vec<Result<(usize, Event), String>>);
 
-fn batches(mut lines: Lines) -> impl Iterator<Item = Batch> {
-    let mut first = 1;
-    std::iter::from_fn(move || {
-        let mut batch = Batch { first, text: String::new(), end: None };
-        for line in lines.by_ref().take(BATCH) {
-            match line {
-                Ok(line) => batch.text.push_str(&line),
-                Err(error) => {
-                    batch.end = Some(error);
-                    break;
-                }
-            }
-        }
-        first += BATCH;
-        (!batch.text.is_empty() || batch.end.is_some()).then_some(batch)
-    })
-}
-
-/// The events of some lines with their numbers, or what is wrong with a line, and how many bytes
-/// these have.
-fn decoded(batch: Batch) -> (usize, Vec<Result<(usize, Event), String>>) {
-    let events = journal::read(&batch.text).map(|(place, event)| {
-        let number = batch.first + place - 1;
+fn decoded(block: io::Result<Block>) -> Result<Decoded, String> {
+    let (first, text) = block.and_then(Block::text).map_err(|error| words(&error))?;
+    let events = journal::read(&text).map(|(place, event)| {
+        let number = first + place - 1;
         let wrong = |wrong| JournalError { line: number, ..wrong }.to_string();
         event.map(|event| (number, event)).map_err(wrong)
     });
-    let end = batch.end.iter().map(|error| Err(words(error)));
-    (batch.text.len(), events.chain(end).collect())
+    Ok((text.len(), events.collect()))
 }
