@@ -3,7 +3,6 @@
 //! What an adapter does with frames and times belongs here. Where a device is found on it belongs
 //! to [`target`](crate::target).
 
-mod bell;
 mod calendar;
 mod echo;
 mod far_clock;
@@ -13,6 +12,11 @@ mod port;
 mod program;
 mod python_can;
 mod slcan;
+// What only one system has is left out here, and nowhere else.
+#[cfg(target_os = "linux")]
+pub mod socketcan;
+#[cfg(not(target_os = "linux"))]
+#[path = "bus/no_socketcan.rs"]
 pub mod socketcan;
 mod socketcand;
 mod trouble;
@@ -31,13 +35,13 @@ use socketcan::SocketCan;
 
 use runner::stop::Stop;
 
-pub use bell::Bell;
 pub use calendar::unix_time;
 pub use gs_usb::GsUsb;
 pub use lines::Stdio;
 pub use python_can::PythonCan;
 pub(crate) use python_can::plugged_in as of_python_can;
 pub use slcan::Slcan;
+pub use socketcan::Bell;
 pub use socketcand::Socketcand;
 pub(crate) use watch::{Reached, Watch};
 
@@ -90,7 +94,7 @@ impl Interface {
             Self::SocketCan(_) | Self::Program { .. } | Self::Socketcand(_) => {}
         }
         let name = self.network()?;
-        if SocketCan::is_virtual(name) { None } else { SocketCan::bit_rate(name, 0) }
+        if is_virtual(name) { None } else { SocketCan::bit_rate(name, 0) }
     }
 
     /// The same interface at this bit rate in bit/s, if one is said and opening it sets one.
@@ -131,7 +135,7 @@ impl Interface {
             Self::PythonCan(bus) => bus.is_virtual(),
             Self::GsUsb(_) => false,
             Self::SocketCan(_) | Self::Program { .. } => {
-                self.is_program() || self.network().is_some_and(SocketCan::is_virtual)
+                self.is_program() || self.network().is_some_and(is_virtual)
             }
         }
     }
@@ -239,6 +243,11 @@ const SOCKETCAND: &str = "socketcand:";
 fn is_name(text: &str) -> bool {
     let no = |c: char| c == '/' || c == ':' || c.is_whitespace();
     !text.is_empty() && text.len() < 16 && !text.contains(no)
+}
+
+/// Whether a network interface of Linux has no wire, and no bit rate.
+fn is_virtual(name: &str) -> bool {
+    ["vcan", "vxcan"].iter().any(|kind| name.starts_with(kind))
 }
 
 /// Whether a host, with its port, is this machine.

@@ -2,7 +2,6 @@
 //! takes precedence, except over the protection of the device.
 
 use std::fs;
-use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -18,6 +17,7 @@ use crate::files::read_source;
 use crate::hook::Program;
 use crate::nearest::did_you_mean;
 use crate::source::{At, Complaint, Place, Source, read_yaml};
+use crate::system;
 
 /// A device file, and where it is.
 #[derive(Debug)]
@@ -248,13 +248,10 @@ impl DeviceFile {
             // The name of a program is looked for elsewhere.
             let program = line.words.first().filter(|word| is_path(word))?;
             let path = self.path(&line.folder.unwrap_or_default()).join(program);
-            let name = path.display();
             let wrong = match fs::metadata(&path) {
-                Err(_) => format!("there is no program {name}"),
-                Ok(found) if found.permissions().mode() & 0o111 == 0 => {
-                    format!("{name} is not a program: `chmod +x {name}` makes it one")
-                }
-                Ok(_) => return None,
+                Err(_) => format!("there is no program {}", path.display()),
+                Ok(found) if system::is_program(&found, &path) => return None,
+                Ok(_) => system::no_program(&path),
             };
             Some((*place, wrong))
         });

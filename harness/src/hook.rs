@@ -1,7 +1,6 @@
 //! The user's programs for bringing a device back.
 
 use std::io;
-use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
 use std::process::{Child, ExitStatus, Stdio};
 use std::sync::mpsc::{self, RecvTimeoutError};
@@ -9,12 +8,11 @@ use std::thread;
 use std::time::Duration;
 
 use canopen::BusError;
-use nix::sys::signal::{Signal, killpg};
-use nix::unistd::Pid;
 use runner::dut::{Hook, Look};
 
 use crate::command_line::CommandLine;
 use crate::files::words;
+use crate::system::{self, Group};
 
 /// How long a program may take.
 const LIMIT: Duration = Duration::from_secs(60);
@@ -37,46 +35,36 @@ impl Hook for Program {
 
     fn call(&self, argument: Option<&str>, look: Look) -> Result<Result<(), String>, BusError> {
         match start(self, argument) {
-            Ok(child) => end(child, look),
+            Ok((child, group)) => end(child, &group, look),
             Err(error) => Ok(Err(words(&error))),
         }
     }
 }
 
 /// Its path and its arguments are relative to the folder of the device file.
-fn start(hook: &Program, argument: Option<&str>) -> io::Result<Child> {
+fn start(hook: &Program, argument: Option<&str>) -> io::Result<(Child, Group)> {
     let line = CommandLine::parse_in(&hook.folder, &hook.command).map_err(io::Error::other)?;
     let mut command = line.command(&hook.folder).map_err(io::Error::other)?;
-    command
-        .args(argument)
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        // Its own process group: children of the hook end with it, and Ctrl-C reaches only the
-        // harness.
-        .process_group(0)
-        .spawn()
+    system::start(command.args(argument).stdin(Stdio::null()).stdout(Stdio::null()))
 }
 
 /// Waits for it; why it failed, if it did.
-fn end(mut child: Child, look: Look) -> Result<Result<(), String>, BusError> {
-    let group = Pid::from_raw(child.id().cast_signed());
+fn end(mut child: Child, group: &Group, look: Look) -> Result<Result<(), String>, BusError> {
     let (sender, ended) = mpsc::channel();
     thread::spawn(move || _ = sender.send(child.wait()));
-    // The group may have ended by itself.
-    let kill = || _ = killpg(group, Signal::SIGKILL);
     for _ in 0..LIMIT.as_millis() / TURN.as_millis() {
         match ended.recv_timeout(TURN) {
             Ok(status) => return Ok(status.map_err(|error| words(&error)).and_then(succeeded)),
             Err(RecvTimeoutError::Disconnected) => break,
             Err(RecvTimeoutError::Timeout) => {
                 if let Err(error) = look() {
-                    kill();
+                    group.end();
                     return Err(error);
                 }
             }
         }
     }
-    kill();
+    group.end();
     Ok(Err(format!("it did not end within {} s", LIMIT.as_secs())))
 }
 

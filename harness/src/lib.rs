@@ -28,6 +28,7 @@ mod progress;
 mod reporter;
 pub mod rig;
 mod signals;
+mod system;
 pub mod target;
 mod undo_log;
 

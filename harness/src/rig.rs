@@ -7,8 +7,6 @@
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::Shutdown;
-use std::os::unix::net::UnixStream;
-use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, Stdio};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
@@ -18,13 +16,12 @@ use std::time::Duration;
 
 use canopen::bench::Needs;
 use canopen::{Bench, BenchError, Bus, BusError, Frame, Instant, Mux, Stamped, Value};
-use nix::sys::signal::{Signal, killpg};
-use nix::unistd::Pid;
 use serde::Deserialize;
 use serde_json::{Value as Json, json};
 
 use crate::command_line::CommandLine;
 use crate::files::words;
+use crate::system::{self, Group, UnixStream};
 
 /// How long a rig may take to answer, and a socket to be there again.
 const PATIENCE: Duration = Duration::from_secs(5);
@@ -50,7 +47,7 @@ pub struct Rig {
 /// How to end a rig that is no longer needed.
 enum End {
     Socket(UnixStream),
-    Program(Child),
+    Program(Child, Group),
 }
 
 impl Rig {
@@ -69,18 +66,13 @@ impl Rig {
         let line = CommandLine::parse(text).map_err(BenchError)?;
         let program = line.command(Path::new(""));
         let program = program.map_err(|why| BenchError(format!("the bench {text}: {why}")));
-        let mut program = program?
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            // Its own process group: children of the rig end with it, and Ctrl-C reaches only the
-            // harness.
-            .process_group(0)
-            .spawn()
-            .map_err(failed)?;
+        let mut program = program?;
+        program.stdin(Stdio::piped()).stdout(Stdio::piped());
+        let (mut program, group) = system::start(&mut program).map_err(failed)?;
         let (Some(requests), Some(answers)) = (program.stdin.take(), program.stdout.take()) else {
             return Err(BenchError(format!("the bench {text} has no standard input or output")));
         };
-        Ok(Self::new(text, Box::new(requests), answers, End::Program(program)))
+        Ok(Self::new(text, Box::new(requests), answers, End::Program(program, group)))
     }
 
     fn behind(name: &str, socket: UnixStream) -> std::io::Result<Self> {
@@ -176,10 +168,8 @@ impl Drop for Rig {
         // It may have ended by itself.
         match &mut self.end {
             End::Socket(socket) => _ = socket.shutdown(Shutdown::Both),
-            End::Program(program) => {
-                if let Ok(group) = i32::try_from(program.id()) {
-                    _ = killpg(Pid::from_raw(group), Signal::SIGKILL);
-                }
+            End::Program(program, group) => {
+                group.end();
                 _ = program.wait();
             }
         }
@@ -410,7 +400,7 @@ mod tests {
     fn a_rig_behind_a_socket_is_a_bench() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("bench");
-        let listener = std::os::unix::net::UnixListener::bind(&path).unwrap();
+        let listener = system::UnixListener::bind(&path).unwrap();
         let server = thread::spawn(move || {
             let (client, _) = listener.accept().unwrap();
             let (mut table, mut answers) = (Table(Value::Int(0)), client.try_clone().unwrap());
@@ -434,7 +424,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("bench");
         let socket = path.clone();
-        let mut listener = std::os::unix::net::UnixListener::bind(&path).unwrap();
+        let mut listener = system::UnixListener::bind(&path).unwrap();
         let server = thread::spawn(move || {
             for knob in 1..=2 {
                 let (client, _) = listener.accept().unwrap();
@@ -444,7 +434,7 @@ mod tests {
                     writeln!(answers, "{}", respond(&mut table, &line.unwrap())).unwrap();
                 }
                 std::fs::remove_file(&socket).unwrap();
-                listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+                listener = system::UnixListener::bind(&socket).unwrap();
             }
         });
         let mut rig = Rig::open(&format!("unix:{}", path.display())).unwrap();
@@ -476,6 +466,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg(unix)]
     fn a_rig_says_how_the_device_must_be_set_up() {
         let folder = tempfile::tempdir().unwrap();
         let answer = respond(&mut Wire, r#"{"names":true}"#);
@@ -511,6 +502,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg(unix)]
     fn what_a_rig_started_ends_with_it() {
         let folder = tempfile::tempdir().unwrap();
         let (script, pipe) = (folder.path().join("rig.sh"), folder.path().join("pipe"));

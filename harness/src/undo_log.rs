@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::{Path, PathBuf, is_separator};
 
 use canopen::Mux;
 use reports::Identity;
@@ -14,6 +14,7 @@ use runner::run::{Address, KeepChanges, Snapshot, differs};
 use serde::{Deserialize, Serialize};
 
 use crate::files::{read_text, words, write_synced};
+use crate::system;
 
 /// The device that the log is about.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -79,7 +80,7 @@ impl Changes {
 
     /// Whether the process is still there, so that it may set its changes back itself.
     pub(crate) fn is_running(&self) -> bool {
-        Path::new("/proc").join(self.process.to_string()).exists()
+        system::is_running(self.process)
     }
 }
 
@@ -174,17 +175,15 @@ pub(crate) fn offer(name: &str, left: &Changes) -> String {
     )
 }
 
-/// Where the logs are: `harness/undo` in `$XDG_STATE_HOME`, or where that is not set, in
-/// `~/.local/state`. A user without either has no place that is the user's own.
-pub(crate) fn folder() -> Option<PathBuf> {
-    let state = std::env::var_os("XDG_STATE_HOME").map(PathBuf::from);
-    let home = || Some(PathBuf::from(std::env::var_os("HOME")?).join(".local/state"));
-    let state = state.filter(|path| path.is_absolute()).or_else(home);
-    Some(state?.join("harness/undo"))
-}
-
+/// Where the logs are: `harness/undo` where programs of this user keep their state.
+///
+/// # Errors
 /// Why there are no logs.
-pub(crate) const NO_PLACE: &str = "undo logs have no place: neither XDG_STATE_HOME nor HOME is set";
+pub(crate) fn folder() -> Result<PathBuf, String> {
+    let state = system::state_folder();
+    let folder = state.map(|state| state.join("harness").join("undo"));
+    folder.map_err(|why| format!("undo logs have no place: {why}"))
+}
 
 /// The existing logs, by name.
 pub(crate) fn all(folder: &Path) -> Vec<(String, Changes)> {
@@ -224,7 +223,7 @@ pub(crate) fn remove(folder: &Path, name: &str) -> Result<(), String> {
 }
 
 fn find(folder: &Path, name: &str) -> PathBuf {
-    match name.contains('/') {
+    match name.contains(is_separator) {
         true => PathBuf::from(name),
         false => path(folder, name),
     }

@@ -1,35 +1,35 @@
 //! Serial lines and TCP connections, as a pair of pipes that can be closed while they are waited
 //! for.
 
-use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read, Write};
-use std::net::{TcpStream, ToSocketAddrs};
-use std::os::fd::{AsFd, OwnedFd};
-use std::os::unix::fs::OpenOptionsExt;
+use std::net::{Shutdown, TcpStream, ToSocketAddrs};
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, PoisonError, RwLock};
 use std::time::Duration;
 
 use canopen::BusError;
-use nix::errno::Errno;
-use nix::libc;
-use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
-use nix::sys::termios::{
-    BaudRate, ControlFlags, FlushArg, SetArg, cfmakeraw, cfsetspeed, tcflush, tcgetattr, tcsetattr,
-};
+use serial2::SerialPort;
 
-use super::bell::Bell;
+use crate::system;
 
 /// How long a host may take to accept a connection.
 const CONNECT: Duration = Duration::from_secs(5);
+/// How long a serial line that is closed may be listened to.
+const TURN: Duration = Duration::from_millis(20);
 
 /// An open serial line or connection. Clones are the same one.
 #[derive(Clone, Debug)]
 pub(super) struct Port {
-    file: Arc<File>,
+    /// Nothing when it is closed. Whoever reads or writes has it meanwhile.
+    way: Arc<RwLock<Option<Way>>>,
     is_closed: Arc<AtomicBool>,
-    bell: Bell,
+}
+
+#[derive(Debug)]
+enum Way {
+    Serial(SerialPort),
+    Tcp(TcpStream),
 }
 
 impl Port {
@@ -38,30 +38,17 @@ impl Port {
     /// # Errors
     /// [`BusError::Open`] with what to do about it.
     pub(super) fn serial(path: &Path, speed: u32) -> Result<Self, BusError> {
-        let refused = |why: io::Error| BusError::Open(not_opened(path, &why));
-        let rate = SPEEDS.iter().find(|(known, _)| *known == speed).map(|(_, rate)| *rate);
-        let rate = rate.ok_or_else(|| {
-            let known: Vec<String> = SPEEDS.iter().map(|(speed, _)| speed.to_string()).collect();
-            BusError::Open(format!("serial lines have no speed {speed}: {}", known.join(", ")))
-        })?;
-        // Without O_NONBLOCK, opening waits for a carrier that such a line may not have.
-        let flags = libc::O_NOCTTY | libc::O_NONBLOCK;
-        let file = OpenOptions::new().read(true).write(true).custom_flags(flags).open(path);
-        let file = file.map_err(refused)?;
-        let mut settings = tcgetattr(&file).map_err(|why| refused(why.into()))?;
-        match file.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Err(refused(Errno::EBUSY.into())),
-            Err(TryLockError::Error(why)) => return Err(refused(why)),
+        let refused = |why: io::Error| BusError::Open(system::line_not_opened(path, &why));
+        if !SPEEDS.contains(&speed) {
+            let known = SPEEDS.map(|speed| speed.to_string()).join(", ");
+            return Err(BusError::Open(format!("serial lines have no speed {speed}: {known}")));
         }
-        cfmakeraw(&mut settings);
-        settings.control_flags |= ControlFlags::CLOCAL | ControlFlags::CREAD;
-        settings.control_flags -= ControlFlags::CSTOPB | ControlFlags::CRTSCTS;
-        cfsetspeed(&mut settings, rate)
-            .and_then(|()| tcsetattr(&file, SetArg::TCSANOW, &settings))
-            .and_then(|()| tcflush(&file, FlushArg::TCIOFLUSH))
-            .map_err(|why| refused(why.into()))?;
-        Self::new(file).map_err(refused)
+        let mut line = system::serial_line(path, speed).map_err(refused)?;
+        line.set_read_timeout(TURN)
+            .and_then(|()| line.set_write_timeout(TURN))
+            .and_then(|()| line.discard_buffers())
+            .map_err(refused)?;
+        Ok(Self::new(Way::Serial(line)))
     }
 
     /// Connects to `host`, which has the form `host:port`.
@@ -75,8 +62,7 @@ impl Port {
             match TcpStream::connect_timeout(&address, CONNECT) {
                 Ok(stream) => {
                     stream.set_nodelay(true).map_err(refused)?;
-                    stream.set_nonblocking(true).map_err(refused)?;
-                    return Self::new(File::from(OwnedFd::from(stream))).map_err(refused);
+                    return Ok(Self::new(Way::Tcp(stream)));
                 }
                 Err(why) => last = Some(why),
             }
@@ -84,53 +70,50 @@ impl Port {
         Err(refused(last.unwrap_or_else(|| io::ErrorKind::NotFound.into())))
     }
 
-    fn new(file: File) -> io::Result<Self> {
-        Ok(Self { file: Arc::new(file), is_closed: Arc::default(), bell: Bell::new()? })
+    fn new(way: Way) -> Self {
+        Self { way: Arc::new(RwLock::new(Some(way))), is_closed: Arc::default() }
     }
 
     /// Ends every wait on it, so that others may open it.
     pub(super) fn close(&self) {
         self.is_closed.store(true, Ordering::SeqCst);
-        self.bell.ring();
-        // One that is not locked needs no unlocking.
-        _ = self.file.unlock();
-    }
-
-    /// Waits until it can be read or written.
-    fn wait(&self, what: PollFlags) -> io::Result<()> {
-        let port = PollFd::new(self.file.as_fd(), what);
-        let bell = PollFd::new(self.bell.as_fd(), PollFlags::POLLIN);
-        match poll(&mut [port, bell], PollTimeout::NONE) {
-            Ok(_) | Err(Errno::EINTR) if !self.is_closed.load(Ordering::SeqCst) => Ok(()),
-            Ok(_) | Err(Errno::EINTR) => Err(io::ErrorKind::NotConnected.into()),
-            Err(why) => Err(why.into()),
+        if let Some(Way::Tcp(stream)) = &*self.way.read().unwrap_or_else(PoisonError::into_inner) {
+            // The other end may have closed it.
+            _ = stream.shutdown(Shutdown::Both);
         }
+        *self.way.write().unwrap_or_else(PoisonError::into_inner) = None;
     }
 
-    /// Does what may have to wait.
-    fn patiently<T>(
-        &self,
-        what: PollFlags,
-        mut act: impl FnMut(&File) -> io::Result<T>,
-    ) -> io::Result<T> {
-        loop {
-            match act(&self.file) {
-                Err(why) if why.kind() == io::ErrorKind::WouldBlock => self.wait(what)?,
+    /// Does what may have to wait, until it is closed.
+    fn patiently(&self, mut act: impl FnMut(&Way) -> io::Result<usize>) -> io::Result<usize> {
+        while !self.is_closed.load(Ordering::SeqCst) {
+            let way = self.way.read().unwrap_or_else(PoisonError::into_inner);
+            let Some(way) = &*way else { break };
+            match act(way) {
+                Err(why) if why.kind() == io::ErrorKind::TimedOut => {}
+                _ if self.is_closed.load(Ordering::SeqCst) => break,
                 done => return done,
             }
         }
+        Err(io::ErrorKind::NotConnected.into())
     }
 }
 
 impl Read for Port {
     fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
-        self.patiently(PollFlags::POLLIN, |mut file| file.read(into))
+        self.patiently(|way| match way {
+            Way::Serial(line) => line.read(into),
+            Way::Tcp(stream) => (&mut &*stream).read(into),
+        })
     }
 }
 
 impl Write for Port {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.patiently(PollFlags::POLLOUT, |mut file| file.write(bytes))
+        self.patiently(|way| match way {
+            Way::Serial(line) => line.write(bytes),
+            Way::Tcp(stream) => (&mut &*stream).write(bytes),
+        })
     }
 
     fn flush(&mut self) -> io::Result<()> {
@@ -139,42 +122,10 @@ impl Write for Port {
 }
 
 /// The speeds of serial lines in bit/s. A line over USB has no speed, whatever is set.
-const SPEEDS: [(u32, BaudRate); 14] = [
-    (2_400, BaudRate::B2400),
-    (4_800, BaudRate::B4800),
-    (9_600, BaudRate::B9600),
-    (19_200, BaudRate::B19200),
-    (38_400, BaudRate::B38400),
-    (57_600, BaudRate::B57600),
-    (115_200, BaudRate::B115200),
-    (230_400, BaudRate::B230400),
-    (460_800, BaudRate::B460800),
-    (500_000, BaudRate::B500000),
-    (921_600, BaudRate::B921600),
-    (1_000_000, BaudRate::B1000000),
-    (2_000_000, BaudRate::B2000000),
-    (3_000_000, BaudRate::B3000000),
+const SPEEDS: [u32; 14] = [
+    2_400, 4_800, 9_600, 19_200, 38_400, 57_600, 115_200, 230_400, 460_800, 500_000, 921_600,
+    1_000_000, 2_000_000, 3_000_000,
 ];
-
-fn not_opened(path: &Path, why: &io::Error) -> String {
-    let name = path.display();
-    match errno(why) {
-        Errno::ENOENT | Errno::ENXIO | Errno::ENODEV => format!(
-            "there is no {name}: is the adapter plugged in? `harness scan --adapters` lists those \
-             that are there"
-        ),
-        Errno::EACCES => format!(
-            "{name} may not be opened by this user: `sudo usermod -a -G dialout $USER`, and log \
-             in again"
-        ),
-        Errno::EBUSY => format!(
-            "{name} is in use by another program, such as slcand or ModemManager: `fuser {name}` \
-             tells its process"
-        ),
-        Errno::ENOTTY | Errno::EISDIR => format!("{name} is not a serial line"),
-        _ => format!("cannot open {name}: {why}"),
-    }
-}
 
 fn not_reached(host: &str, why: &io::Error, is_there: &str) -> String {
     match why.kind() {
@@ -188,16 +139,12 @@ fn not_reached(host: &str, why: &io::Error, is_there: &str) -> String {
     }
 }
 
-/// The error of the operating system; 0, which is none, when it comes from elsewhere.
-fn errno(why: &io::Error) -> Errno {
-    Errno::from_raw(why.raw_os_error().unwrap_or(0))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
+    #[cfg(unix)]
     fn a_line_that_cannot_be_opened_says_what_to_do() {
         let open =
             |path: &str, speed| Port::serial(Path::new(path), speed).unwrap_err().to_string();
@@ -210,8 +157,6 @@ mod tests {
             let said = open(path, speed);
             assert!(said.contains(part), "{said}");
         }
-        let denied = not_opened(Path::new("/dev/ttyACM0"), &Errno::EACCES.into());
-        assert!(denied.contains("dialout"), "{denied}");
     }
 
     #[test]

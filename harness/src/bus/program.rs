@@ -2,15 +2,12 @@
 //! watched, started again after a reset, and stopped.
 
 use std::io;
-use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio};
 use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
 use canopen::{Bus, BusError, Frame, Instant, Stamped};
-use nix::sys::signal::{Signal, killpg};
-use nix::unistd::Pid;
 use runner::stop::Stop;
 
 use super::lines::{Clock, Ending, Lines, OfCandump};
@@ -18,6 +15,7 @@ use super::socketcan::SocketCan;
 use super::watch::Watch;
 use crate::command_line::CommandLine;
 use crate::files::words;
+use crate::system::{self, Group};
 
 /// The environment variable that names the interface to a program that uses one.
 const INTERFACE: &str = "CAN_INTERFACE";
@@ -26,6 +24,7 @@ const INTERFACE: &str = "CAN_INTERFACE";
 #[derive(Debug)]
 pub(super) struct Process {
     child: Child,
+    group: Group,
 }
 
 impl Process {
@@ -52,10 +51,8 @@ impl Process {
     /// # Errors
     /// Whatever the system says.
     pub(super) fn of(mut command: Command) -> io::Result<Self> {
-        // Its own process group: children of the program end with it, and Ctrl-C reaches only the
-        // harness.
-        command.process_group(0);
-        Ok(Self { child: command.spawn()? })
+        let (child, group) = system::start(&mut command)?;
+        Ok(Self { child, group })
     }
 
     /// Its standard input and output, if they are pipes that nobody has taken.
@@ -68,16 +65,12 @@ impl Drop for Process {
     /// A program ends with its standard input, at a SIGTERM, or at once.
     fn drop(&mut self) {
         drop(self.child.stdin.take());
-        let group = Pid::from_raw(self.child.id().cast_signed());
         if matches!(self.child.try_wait(), Ok(None)) {
-            // It may have ended by itself.
-            _ = killpg(group, Signal::SIGTERM);
-            if !ends_within(&mut self.child, PATIENCE) {
-                _ = killpg(group, Signal::SIGKILL);
-            }
+            self.group.ask_to_end();
+            _ = ends_within(&mut self.child, PATIENCE);
         }
-        // Stops the children of the program, too.
-        _ = killpg(group, Signal::SIGKILL);
+        // Ends the children of the program, too.
+        self.group.end();
         _ = self.child.wait();
     }
 }
@@ -105,12 +98,9 @@ fn ends_within(child: &mut Child, patience: Duration) -> bool {
 /// How a program ended, as the end of a sentence.
 fn said(status: &io::Result<ExitStatus>) -> String {
     match status {
-        Ok(status) => match (status.code(), status.signal()) {
+        Ok(status) => match (status.code(), system::ended_by(*status)) {
             (Some(code), _) => format!("ended with exit status {code}"),
-            (None, Some(signal)) => match Signal::try_from(signal) {
-                Ok(signal) => format!("was ended by {signal}"),
-                Err(_) => format!("was ended by signal {signal}"),
-            },
+            (None, Some(signal)) => format!("was ended by {signal}"),
             (None, None) => "ended".to_owned(),
         },
         Err(error) => format!("cannot be waited for: {}", words(error)),

@@ -20,8 +20,8 @@ use super::echo::{Echoes, Refused};
 use super::far_clock::FarClock;
 use super::lines::{Clock, Ending, Inbox, Lines, Speech, quoted};
 use super::program::Process;
-use super::socketcan::SocketCan;
 use crate::files::words;
+use crate::system;
 use codec::Message;
 
 /// The bridge, for `python -c`.
@@ -92,7 +92,7 @@ impl PythonCan {
     pub(super) fn is_virtual(&self) -> bool {
         match &*self.interface {
             "virtual" | "udp_multicast" => true,
-            "socketcan" => SocketCan::is_virtual(&self.channel),
+            "socketcan" => super::is_virtual(&self.channel),
             _ => false,
         }
     }
@@ -117,8 +117,8 @@ pub(super) const PYTHON_CAN: &str = "python-can:";
 
 /// The interpreter with the bridge, to which arguments may be added.
 fn python() -> Command {
-    let usual = if cfg!(windows) { "python" } else { "python3" };
-    let mut command = Command::new(env::var_os(PYTHON).unwrap_or_else(|| usual.into()));
+    let usual = || system::PYTHON.into();
+    let mut command = Command::new(env::var_os(PYTHON).unwrap_or_else(usual));
     command.args(["-u", "-c", BRIDGE]);
     command
 }

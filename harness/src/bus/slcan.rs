@@ -74,9 +74,9 @@ impl FromStr for Slcan {
         let mut parts = text.split(',');
         let place = parts.next().unwrap_or_default().to_owned();
         let host = place.strip_prefix(TCP);
-        if !host.map_or_else(|| place.starts_with('/'), |host| host.contains(':')) {
-            return Err("a serial line, such as `slcan:/dev/ttyACM0`, or `slcan:tcp://host:port` \
-                        is an adapter"
+        if !host.map_or_else(|| is_line(&place), |host| host.contains(':')) {
+            return Err("a serial line, such as `slcan:/dev/ttyACM0` or on Windows `slcan:COM3`, \
+                        or `slcan:tcp://host:port` is an adapter"
                 .to_owned());
         }
         let (mut serial, mut bit_rate) = (None, None);
@@ -99,6 +99,12 @@ impl FromStr for Slcan {
         }
         Ok(Self { place, serial, bit_rate })
     }
+}
+
+/// Whether this is the name of a serial line: a path, or on Windows COM with a number.
+fn is_line(place: &str) -> bool {
+    let number = place.strip_prefix("COM").and_then(|number| number.parse::<u16>().ok());
+    place.starts_with('/') || number.is_some()
 }
 
 /// An adapter with an open channel.

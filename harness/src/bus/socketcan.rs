@@ -1,6 +1,7 @@
 //! A real bus through Linux SocketCAN (`can0`, `vcan0`): frames carry the kernel's time stamps, and
 //! the echo of an own frame shows when it was complete on the wire.
 
+mod bell;
 mod fault;
 mod stamp;
 
@@ -21,7 +22,9 @@ use socketcan::{
 use runner::stop::Stop;
 use stamp::Clock;
 
-use super::bell::Bell;
+use super::is_virtual;
+
+pub use bell::Bell;
 
 /// An open SocketCAN interface. Its time starts at zero when it is opened.
 ///
@@ -78,22 +81,20 @@ impl SocketCan {
         })
     }
 
-    /// The same, where a [`Bus::recv`] that waits returns [`BusError::Interrupted`] when the bell
-    /// rings, too.
-    #[must_use]
-    pub fn heeding(self, bell: Bell) -> Self {
-        Self { bell: Some(bell), ..self }
-    }
-
-    /// Whether the interface `name` has no wire, and no bit rate.
-    pub fn is_virtual(name: &str) -> bool {
-        ["vcan", "vxcan"].iter().any(|kind| name.starts_with(kind))
+    /// The same with a bell: when it rings, a [`Bus::recv`] that waits returns
+    /// [`BusError::Interrupted`], too.
+    ///
+    /// # Errors
+    /// [`BusError::Open`] when the process has too many files open.
+    pub fn with_bell(self) -> Result<(Self, Bell), BusError> {
+        let bell = Bell::new().map_err(|why| fault::open(&self.name, &why, true))?;
+        Ok((Self { bell: Some(bell.clone()), ..self }, bell))
     }
 
     /// The bit rate of the interface `name` in bit/s, when the kernel knows it. A virtual interface
     /// has no bit rate that could be too fast, and counts as `usual`.
     pub fn bit_rate(name: &str, usual: u32) -> Option<u32> {
-        if Self::is_virtual(name) {
+        if is_virtual(name) {
             return Some(usual);
         }
         let known = CanInterface::open(name).and_then(|interface| interface.bit_rate());

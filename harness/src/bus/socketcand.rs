@@ -16,7 +16,6 @@ use super::echo::Echoes;
 use super::far_clock::FarClock;
 use super::lines::{Clock, Ending, Inbox, Lines, Speech, quoted};
 use super::port::Port;
-use super::socketcan::SocketCan;
 use codec::Message;
 
 /// An interface and its server, as `socketcand://host:29536/can0`.
@@ -48,7 +47,7 @@ impl Socketcand {
 
     /// Whether the interface has no wire.
     pub(super) fn is_virtual(&self) -> bool {
-        SocketCan::is_virtual(&self.interface)
+        super::is_virtual(&self.interface)
     }
 
     /// Whether the server is on this machine.

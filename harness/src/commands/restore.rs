@@ -26,7 +26,7 @@ use crate::undo_log::{self, Changes};
 /// When there is no such run, or the interface cannot be used.
 pub(super) fn run(args: &RestoreArgs, stop: &Stop) -> Result<Exit, Refused> {
     let file_error = |why| Refused { exit: Exit::File, message: format!("error: {why}") };
-    let folder = undo_log::folder().ok_or_else(|| file_error(undo_log::NO_PLACE.to_owned()))?;
+    let folder = undo_log::folder().map_err(file_error)?;
     let Some(name) = &args.run else {
         let logs = undo_log::each(&folder);
         say(&list(&logs));

@@ -313,10 +313,12 @@ pub(super) fn undo(target: &Target, selection: &Selection) -> Undo {
         return Undo::default();
     }
     let dut = &target.dut;
-    let Some(folder) = undo_log::folder() else {
-        let why = undo_log::NO_PLACE;
-        complain!("warning: {why}; what a run changes that is killed stays changed");
-        return Undo::default();
+    let folder = match undo_log::folder() {
+        Ok(folder) => folder,
+        Err(why) => {
+            complain!("warning: {why}; what a run changes that is killed stays changed");
+            return Undo::default();
+        }
     };
     let changes = Changes {
         target: interface.to_string(),

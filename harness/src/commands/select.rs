@@ -1,6 +1,7 @@
 //! The instances that the patterns of a command line select.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::is_separator;
 
 use clap::CommandFactory;
 use reference_devices::devices;
@@ -99,7 +100,7 @@ pub(super) fn known_device(selection: &Selection, library: &Library) -> Result<(
         return Ok(());
     }
     let meant = did_you_mean(name, known.into_iter());
-    let in_folder = target.strip_prefix("sim:").is_some_and(|device| device.contains('/'));
+    let in_folder = target.strip_prefix("sim:").is_some_and(|device| device.contains(is_separator));
     if selection.eds.is_none() && !in_folder {
         return Err(Refused::usage(format!(
             "--device {name}: no reference device and no suite is for a device of this name; for a \

@@ -1,8 +1,6 @@
 //! `harness serve`: a reference device on a real bus, and its physical side on a socket.
 
 use std::io::{BufReader, Write};
-use std::os::unix::fs::FileTypeExt;
-use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver, Sender};
@@ -20,6 +18,7 @@ use crate::cli::ServeArgs;
 use crate::exit::{Exit, Refused};
 use crate::files::words;
 use crate::rig;
+use crate::system::{UnixListener, UnixStream, is_socket};
 use crate::target::{Named, reference_device};
 
 /// How long a request of a bench may wait while nothing ends the wait of the bus.
@@ -46,12 +45,14 @@ pub(super) fn run(args: &ServeArgs, stop: &Stop) -> Result<Exit, Refused> {
     };
     // The socket of the bench goes with the device.
     let _held = stop.hold();
-    let bell = Bell::new().map_err(|error| Refused::bus(error.to_string()))?;
-    let (mut bus, slice): (Box<dyn Bus>, _) = match &args.target {
-        Some(target) => (Box::new(open(target, stop)?.heeding(bell.clone())), BUSY_SLICE),
-        None => (Box::new(Stdio::open(stop)), SLICE),
+    let (mut bus, bell, slice): (Box<dyn Bus>, _, _) = match &args.target {
+        Some(target) => {
+            let (bus, bell) = open(target, stop)?;
+            (Box::new(bus), Some(bell), BUSY_SLICE)
+        }
+        None => (Box::new(Stdio::open(stop)), None, SLICE),
     };
-    let socket = args.bench_socket.as_deref().map(|path| Socket::open(path, &bell)).transpose()?;
+    let socket = args.bench_socket.as_deref().map(|path| Socket::open(path, bell)).transpose()?;
     if let Some(target) = &args.target {
         let deviation = deviation.map(|with| format!(" with {}", with.query)).unwrap_or_default();
         complain!("{}{deviation} is node {node} on {target}; Ctrl-C ends it", args.device);
@@ -81,7 +82,7 @@ pub(super) fn run(args: &ServeArgs, stop: &Stop) -> Result<Exit, Refused> {
     }
 }
 
-fn open(name: &str, stop: &Stop) -> Result<SocketCan, Refused> {
+fn open(name: &str, stop: &Stop) -> Result<(SocketCan, Bell), Refused> {
     let interface = name.parse();
     let Ok(Interface::SocketCan(name)) = interface else {
         let why = match interface {
@@ -90,7 +91,8 @@ fn open(name: &str, stop: &Stop) -> Result<SocketCan, Refused> {
         };
         return Err(Refused::usage(why));
     };
-    SocketCan::open(&name, stop.clone()).map_err(|error| Refused::bus(error.to_string()))
+    let opened = SocketCan::open(&name, stop.clone()).and_then(SocketCan::with_bell);
+    opened.map_err(|error| Refused::bus(error.to_string()))
 }
 
 /// The served device as a bench.
@@ -128,7 +130,7 @@ struct Socket {
 }
 
 impl Socket {
-    fn open(path: &Path, bell: &Bell) -> Result<Self, Refused> {
+    fn open(path: &Path, bell: Option<Bell>) -> Result<Self, Refused> {
         let refused = |error: &str| Refused::bus(format!("{}: {error}", path.display()));
         if path.exists() && !is_socket(path) {
             return Err(refused("this file is not a socket, and is left as it is"));
@@ -141,7 +143,6 @@ impl Socket {
         }
         let listener = UnixListener::bind(path).map_err(|error| refused(&words(&error)))?;
         let (sender, requests) = mpsc::channel();
-        let bell = bell.clone();
         thread::spawn(move || {
             let clients = Arc::new(());
             for client in listener.incoming().map_while(Result::ok) {
@@ -151,7 +152,7 @@ impl Socket {
                 }
                 let (sender, bell, held) = (sender.clone(), bell.clone(), Arc::clone(&clients));
                 thread::spawn(move || {
-                    answer_all(&client, &sender, &bell);
+                    answer_all(&client, &sender, bell.as_ref());
                     drop(held);
                 });
             }
@@ -169,17 +170,15 @@ impl Drop for Socket {
     }
 }
 
-fn is_socket(path: &Path) -> bool {
-    std::fs::symlink_metadata(path).is_ok_and(|found| found.file_type().is_socket())
-}
-
 /// Serves one client until it goes away, or sends a line that is too long.
-fn answer_all(client: &UnixStream, requests: &Sender<Request>, bell: &Bell) -> Option<()> {
+fn answer_all(client: &UnixStream, requests: &Sender<Request>, bell: Option<&Bell>) -> Option<()> {
     let mut lines = BufReader::new(client);
     while let Some(line) = rig::next_line(&mut lines) {
         let (sender, answer) = mpsc::channel();
         requests.send(Request { line: line.ok()?, answer: sender }).ok()?;
-        bell.ring();
+        if let Some(bell) = bell {
+            bell.ring();
+        }
         let mut client = client;
         writeln!(client, "{}", answer.recv().ok()?).ok()?;
     }

@@ -4,8 +4,6 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
-use nix::errno::Errno;
-
 /// A file that a report goes to.
 #[derive(Clone, Debug)]
 pub(crate) struct Output {
@@ -84,8 +82,13 @@ fn written(file: File, content: impl Fn(&mut dyn Write) -> io::Result<()>) -> io
 /// Whether a file can be written in place but not replaced: its folder belongs to another user, or
 /// the file is mounted alone.
 fn stands_alone(error: &io::Error) -> bool {
-    let errno = error.raw_os_error().map(Errno::from_raw);
-    matches!(errno, Some(Errno::EACCES | Errno::EPERM | Errno::EROFS | Errno::EBUSY | Errno::EXDEV))
+    matches!(
+        error.kind(),
+        io::ErrorKind::PermissionDenied
+            | io::ErrorKind::ReadOnlyFilesystem
+            | io::ErrorKind::ResourceBusy
+            | io::ErrorKind::CrossesDevices
+    )
 }
 
 fn place(path: &Path) -> io::Result<PathBuf> {
@@ -124,6 +127,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg(unix)]
     fn a_link_stays_one() {
         let folder = tempfile::tempdir().unwrap();
         let (link, path) = (folder.path().join("link"), folder.path().join("file"));
@@ -136,6 +140,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg(unix)]
     fn a_device_takes_what_is_written_and_stays() {
         let null = Output::new(Path::new("/dev/null")).unwrap();
         null.write(anything).unwrap();

@@ -3,7 +3,7 @@
 
 use std::fs;
 use std::io::ErrorKind;
-use std::path::{Path, PathBuf};
+use std::path::{Path, PathBuf, is_separator};
 use std::sync::Arc;
 
 use canopen::catalogue::Catalogue;
@@ -15,7 +15,7 @@ use crate::source::{Complaint, Source};
 
 /// Whether a word is a path and not the name of a device in this program.
 pub(super) fn is_path(text: &str) -> bool {
-    text.contains('/') || text.starts_with('.') || Path::new(text).exists()
+    text.contains(is_separator) || text.starts_with('.') || Path::new(text).exists()
 }
 
 /// The device in that folder, or that variant of it: `my-device`, `my-device/device.yaml`,

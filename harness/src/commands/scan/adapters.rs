@@ -1,5 +1,5 @@
-//! The adapters and interfaces of this machine: as Linux lists them in `/dev` and `/sys`, on USB,
-//! and those that python-can finds.
+//! The adapters and interfaces of this machine: as Linux lists them in `/dev` and `/sys`, serial
+//! lines of other systems, on USB, and those that python-can finds.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -7,6 +7,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::bus::{self, gs_usb};
+use crate::system;
 
 /// The type of a CAN interface in `linux/if_arp.h`.
 const ARPHRD_CAN: &str = "280";
@@ -17,6 +18,7 @@ pub(super) type Adapter = (String, String);
 /// The adapters and interfaces that are there.
 pub(super) fn plugged_in() -> Vec<Adapter> {
     let mut found = found_in(Path::new("/"));
+    found.extend(system::serial_lines().into_iter().map(|name| serial_line(&name, &name)));
     found.extend(of_usb(gs_usb::plugged_in()));
     let by_python = bus::of_python_can();
     found.extend(by_python.into_iter().map(|target| (target, "adapter of python-can".to_owned())));
@@ -76,7 +78,7 @@ fn interfaces(root: &Path) -> Vec<Adapter> {
 }
 
 /// Serial lines over USB, by the name that stays where there is one.
-fn serial_lines(root: &Path) -> Vec<(String, String)> {
+fn serial_lines(root: &Path) -> Vec<Adapter> {
     let links = sorted(&root.join("dev/serial/by-id"));
     let lasting: BTreeMap<PathBuf, String> = links
         .iter()
@@ -91,10 +93,15 @@ fn serial_lines(root: &Path) -> Vec<(String, String)> {
             continue;
         }
         let other = line.canonicalize().ok().and_then(|line| lasting.get(&line).cloned());
-        let what = format!("serial line /dev/{short}, for an adapter with Lawicel's protocol");
-        found.push((format!("slcan:{}", other.unwrap_or_else(|| format!("/dev/{short}"))), what));
+        let name = format!("/dev/{short}");
+        found.push(serial_line(other.as_ref().unwrap_or(&name), &name));
     }
     found
+}
+
+fn serial_line(lasting: &str, name: &str) -> Adapter {
+    let what = format!("serial line {name}, for an adapter with Lawicel's protocol");
+    (format!("slcan:{lasting}"), what)
 }
 
 /// What a folder holds; nothing when it is not there.
@@ -112,9 +119,9 @@ fn name(path: &Path) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::os::unix::fs::symlink;
 
     #[test]
+    #[cfg(unix)]
     fn adapters_have_the_target_to_type() {
         let root = tempfile::tempdir().unwrap();
         let root = root.path();
@@ -135,7 +142,8 @@ mod tests {
             fs::write(path, text).unwrap();
         }
         fs::create_dir_all(root.join("dev/serial/by-id")).unwrap();
-        symlink(root.join("dev/ttyACM0"), root.join("dev/serial/by-id/us")).unwrap();
+        std::os::unix::fs::symlink(root.join("dev/ttyACM0"), root.join("dev/serial/by-id/us"))
+            .unwrap();
         let mut found = found_in(root);
         found.extend(of_usb(vec![("0042".to_owned(), "CANable".to_owned())]));
         let lists = "\
