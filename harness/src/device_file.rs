@@ -1,6 +1,8 @@
 //! The device file: which device is tested, how, and what must not be done to it. The command line
 //! takes precedence, except over the protection of the device.
 
+mod nodes;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -19,6 +21,9 @@ use crate::nearest::did_you_mean;
 use crate::source::{At, Complaint, Place, Source, read_yaml};
 use crate::system;
 
+pub use nodes::NodeEntry;
+use nodes::Outer;
+
 /// A device file, and where it is.
 #[derive(Debug)]
 pub struct DeviceFile {
@@ -28,6 +33,8 @@ pub struct DeviceFile {
     folder: PathBuf,
     /// The content.
     pub said: DutFile,
+    /// The file that names this device among others, and says the rest.
+    outer: Option<Outer>,
 }
 
 /// A device file: everything that a run needs to know of a device under test.
@@ -85,6 +92,10 @@ pub struct DutFile {
     /// A program that switches the supply of the device: its last argument is `off` or `on`.
     #[serde(default)]
     pub power: Option<At<String>>,
+    /// Several devices instead of one, each by the path of its own device file or by what such a
+    /// file says; what this file says besides holds for each that does not say otherwise.
+    #[serde(default)]
+    pub nodes: Vec<At<NodeEntry>>,
     /// What must not be done to the device.
     #[serde(default)]
     pub protect: Protect,
@@ -133,6 +144,8 @@ pub struct Allow {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum LssWord {
+    /// Switch state global, which puts every slave of the bus into configuration state.
+    Global,
     /// Configure and activate bit timing parameters.
     BitTiming,
     /// Configure node id.
@@ -228,7 +241,17 @@ impl DeviceFile {
     pub(crate) fn load(path: &Path) -> Result<Self, Vec<Complaint>> {
         let source = read_source(path).map_err(|complaint| vec![complaint])?;
         let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
-        let file = Self::of_source(source, folder)?;
+        let said = read_yaml(&source).map_err(|complaint| vec![complaint])?;
+        Self::checked(source, folder, said)
+    }
+
+    /// The same of what was read.
+    fn checked(
+        source: Arc<Source>,
+        folder: PathBuf,
+        said: DutFile,
+    ) -> Result<Self, Vec<Complaint>> {
+        let file = Self::sound(source, folder, said)?;
         let missing = file.missing();
         if missing.is_empty() { Ok(file) } else { Err(missing) }
     }
@@ -264,10 +287,14 @@ impl DeviceFile {
     /// # Errors
     /// As [`load`](Self::load).
     pub fn of_source(source: Arc<Source>, folder: PathBuf) -> Result<Self, Vec<Complaint>> {
-        let said: DutFile = read_yaml(&source).map_err(|complaint| vec![complaint])?;
+        let said = read_yaml(&source).map_err(|complaint| vec![complaint])?;
+        Self::sound(source, folder, said)
+    }
+
+    fn sound(source: Arc<Source>, folder: PathBuf, said: DutFile) -> Result<Self, Vec<Complaint>> {
         let complaints = said.wrong(&source);
         match complaints.is_empty() {
-            true => Ok(Self { source, folder, said }),
+            true => Ok(Self { source, folder, said, outer: None }),
             false => Err(complaints),
         }
     }
@@ -278,7 +305,7 @@ impl DeviceFile {
     }
 
     /// The target as the program needs it: a simulated device may be a folder.
-    pub fn target(&self) -> Option<String> {
+    pub(crate) fn target(&self) -> Option<String> {
         let target = self.said.target.as_ref()?;
         if let Some((exec, command)) = target.split_once(':').filter(|(exec, _)| is_exec(exec)) {
             return Some(format!("{exec}:{}", self.command(command)));
@@ -292,7 +319,7 @@ impl DeviceFile {
     }
 
     /// The bench as the program needs it: its path, or that of its program.
-    pub fn bench(&self) -> Option<String> {
+    pub(crate) fn bench(&self) -> Option<String> {
         let bench = self.said.bench.as_ref()?;
         if let Some(socket) = bench.strip_prefix("unix:") {
             return Some(format!("unix:{}", self.path(Path::new(socket)).display()));
@@ -312,32 +339,53 @@ impl DeviceFile {
 
     /// The programs that bring the device back.
     pub fn hooks(&self) -> Hooks {
-        let hook = |command: &Option<At<String>>| {
-            let command = command.as_ref()?.value.clone();
-            let program: Arc<dyn Hook> = Arc::new(Program { command, folder: self.folder.clone() });
+        let hook = |of: fn(&DutFile) -> Option<&At<String>>| {
+            let said = |file: &Self| {
+                let command = of(&file.said)?.value.clone();
+                Some(Program { command, folder: file.folder.clone() })
+            };
+            let program: Arc<dyn Hook> = Arc::new(self.files().find_map(said)?);
             Some(program)
         };
-        Hooks { reset: hook(&self.said.reset), power: hook(&self.said.power) }
+        Hooks { reset: hook(|said| said.reset.as_ref()), power: hook(|said| said.power.as_ref()) }
     }
 
-    /// The protection of a device with this data sheet.
+    /// The protection of a device with this data sheet: what this file protects, and the one that
+    /// names it among others.
     pub fn protection(&self, eds: &Eds, generic_io: bool) -> Protection {
-        let (protect, mut protection) = (&self.said.protect, Protection::default());
-        let name = &self.source.name;
+        let mut protection = Protection::default();
+        self.files().for_each(|file| file.protect(&mut protection, eds));
+        if let Some(by) = self.outputs_stay() {
+            protection.protect_outputs(eds, generic_io, &by.into());
+        }
+        protection
+    }
+
+    /// What keeps outputs from being driven, unless they may be.
+    fn outputs_stay(&self) -> Option<String> {
+        let outputs = |file: &Self| {
+            let At { value, place } = file.said.allow.outputs.clone()?;
+            Some((value, format!("`outputs: {value}` in {}:{}", file.source.name, place.line)))
+        };
+        let said: Vec<_> = self.files().filter_map(outputs).collect();
+        let forbidden = said.iter().find(|(may, _)| !may).map(|(_, by)| by.clone());
+        let unsaid = || {
+            let name = &self.source.name;
+            said.is_empty()
+                .then(|| format!("the absence of `allow: {{ outputs: true }}` in {name}"))
+        };
+        forbidden.or_else(unsaid)
+    }
+
+    /// Adds what this file alone protects.
+    fn protect(&self, protection: &mut Protection, eds: &Eds) {
+        let (protect, name) = (&self.said.protect, &self.source.name);
         let by = |what: String, place: Place| format!("`{what}` in {name}:{}", place.line);
         for At { value: ObjectRange { text, objects }, place } in &protect.objects {
             protection.protect(objects.clone(), by(format!("objects: {text}"), *place));
         }
         if let Some(At { place, .. }) = protect.domains.as_ref().filter(|domains| domains.value) {
             protection.protect_domains(eds, &by("domains: true".to_owned(), *place).into());
-        }
-        let outputs = self.said.allow.outputs.as_ref();
-        if !outputs.is_some_and(|outputs| outputs.value) {
-            let by = match outputs {
-                Some(At { place, .. }) => by("outputs: false".to_owned(), *place),
-                None => format!("the absence of `allow: {{ outputs: true }}` in {name}"),
-            };
-            protection.protect_outputs(eds, generic_io, &by.into());
         }
         let changed_by_loads =
             !protect.objects.is_empty() || protect.domains.as_ref().is_some_and(|all| all.value);
@@ -363,7 +411,6 @@ impl DeviceFile {
             let (deed, word) = value.meant();
             protection.forbid(deed, by(format!("nmt: {word}"), *place));
         }
-        protection
     }
 
     /// The protected objects that the data sheet does not have, which may be a slip.
@@ -389,6 +436,7 @@ impl DeviceFile {
 impl LssWord {
     const fn meant(self) -> (Deed, &'static str) {
         match self {
+            Self::Global => (Deed::AllSlaves, "global"),
             Self::BitTiming => (Deed::BitTiming, "bit-timing"),
             Self::NodeId => (Deed::NodeId, "node-id"),
             Self::Store => (Deed::StoreLss, "store"),

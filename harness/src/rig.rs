@@ -5,12 +5,13 @@
 //! the device must be set up. A request that fails gets `{"error":"..."}`.
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::Shutdown;
 use std::path::Path;
 use std::process::{Child, Stdio};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::thread;
 use std::time::Duration;
 
@@ -31,6 +32,43 @@ const ATTEMPTS: u32 = 500;
 
 /// The status of a rig that closed its end.
 const GONE: &str = "has ended";
+
+/// The user's bench, its names, and how the device must be set up for it.
+pub type OwnBench = (Arc<Mutex<Rig>>, Offer);
+
+/// The names of a bench, and how the device must be set up for them.
+pub type Offer = (Vec<String>, Needs);
+
+/// The benches that are open, by how they are named: devices of one file that name the same bench
+/// share it.
+#[derive(Clone, Default)]
+pub struct Rigs(Arc<Mutex<BTreeMap<String, (Weak<Mutex<Rig>>, Offer)>>>);
+
+impl Rigs {
+    /// Opens a bench, unless it is open.
+    ///
+    /// # Errors
+    /// As [`Rig::open`], and what keeps it from naming what it offers.
+    pub fn open(&self, text: &str) -> Result<OwnBench, BenchError> {
+        let mut open = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((rig, offer)) = open.get(text)
+            && let Some(rig) = rig.upgrade()
+        {
+            return Ok((rig, offer.clone()));
+        }
+        let mut rig = Rig::open(text)?;
+        let offer = (rig.names()?, rig.needs()?);
+        let rig = Arc::new(Mutex::new(rig));
+        open.insert(text.to_owned(), (Arc::downgrade(&rig), offer.clone()));
+        Ok((rig, offer))
+    }
+}
+
+impl fmt::Debug for Rigs {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Rigs").finish_non_exhaustive()
+    }
+}
 
 /// A bench at a socket, or a program of the user's.
 pub struct Rig {
@@ -350,7 +388,7 @@ impl Bench for WithRig {
 }
 
 fn locked(rig: &Mutex<Rig>) -> std::sync::MutexGuard<'_, Rig> {
-    rig.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    rig.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@ mod options;
 mod reference;
 mod scan;
 mod selection;
+mod several;
 mod sheet;
 mod sim;
 
@@ -32,6 +33,7 @@ pub(crate) use reference::{Named, holds_device, reference_device, with_variants}
 pub(crate) use scan::rounds;
 pub use scan::{Found, ROUNDS, scan};
 pub use selection::{DEFAULT_BIT_RATE, Selection};
+pub(crate) use several::Other;
 pub use sheet::models;
 pub(crate) use sheet::{dut_of_file, read_eds};
 

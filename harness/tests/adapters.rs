@@ -29,7 +29,7 @@ use harness::target::DEFAULT_BIT_RATE;
 use reference_devices::devices;
 use reference_devices::rules::Rules;
 use reference_devices::stack::Node;
-use reports::{CaseRun, Event, Outcome, Run, Verdict};
+use reports::{CaseRun, DeviceRun, Event, Outcome, Run, Verdict};
 use runner::dut::Dut;
 use runner::plan::plan;
 use runner::run::Ending;
@@ -434,4 +434,79 @@ impl Drop for Process {
         _ = self.0.kill();
         _ = self.0.wait();
     }
+}
+
+/// Two of a kind on one bus, of which one is asked for something by a suite for the other.
+#[test]
+fn nodes_behind_one_adapter_are_tested_in_turn_and_the_other_one_is_watched() {
+    const SUITE: &str = "\
+suite: watched
+cases:
+  - id: begins
+    title: The other node sends heartbeats.
+    checks: [CIA301-HB-01]
+    steps: [{ send: '606#2B 17 10 00 64 00 00 00' }, { wait: 1 s }]
+  - id: falls-silent
+    title: The other node sends no more heartbeats.
+    checks: [CIA301-HB-01]
+    steps: [{ send: '606#2B 17 10 00 00 00 00 00' }, { wait: 1 s }]
+";
+    let line = adapter::on_line("generic --node 5 & generic --node 6", Manner::default());
+    let folder = tempfile::tempdir().expect("a folder");
+    fs::create_dir(folder.path().join("suites")).expect("it is new");
+    fs::write(folder.path().join("suites/watched.yaml"), SUITE).expect("there is room");
+    let file = format!(
+        "target: 'slcan:{},bitrate=1000000'\ndevice: generic\nselect: [cia301/nmt/*]\nnodes:\n  \
+         - {{ node: 5, suites: [suites], select: [watched] }}\n  - {{ node: 6 }}\n",
+        line.path
+    );
+    let (found, output) = run_file(&folder, &file);
+    let devices = found.devices.iter().map(|it| (&*it.info.device, it.info.node));
+    assert!(devices.eq([("generic", 5), ("generic (2)", 6)]), "{}", said(&output));
+    let said = said(&output);
+    let silent = said.lines().find(|line| line.contains("no heartbeat since"));
+    let silent = silent.unwrap_or_else(|| panic!("{said}"));
+    assert!(silent.starts_with("note: generic, node 6: "), "{silent}");
+    assert!(silent.ends_with(" while watched/falls-silent ran on generic"), "{silent}");
+    assert_eq!(said.matches("node 6: ").count(), 1, "{said}");
+    let of_all = |case: &CaseRun| {
+        matches!(&case.outcome, Outcome::Skip(why) if why
+        .starts_with("NMT command to all nodes: protected by the absence of `allow"))
+    };
+    assert!(found.cases().any(|(_, case)| of_all(case)), "{said}");
+    let passed = found.cases().filter(|(_, case)| case.verdict() == Verdict::Pass).count();
+    assert!(passed > 10, "{said}");
+}
+
+#[test]
+fn nodes_behind_two_adapters_are_in_one_report() {
+    let lines = [SERVED, SERVED].map(|served| adapter::on_line(served, Manner::default()));
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut file = "select: [cia301/nmt/*]\nnodes:\n".to_owned();
+    for line in &lines {
+        file.push_str(&format!(
+            "  - {{ target: 'slcan:{},bitrate=1000000', node: 5 }}\n",
+            line.path
+        ));
+    }
+    let (found, output) = run_file(&folder, &file);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let [one, other] = &found.devices[..] else { panic!("{}", said(&output)) };
+    let verdicts = |device: &DeviceRun| {
+        let cases = device.suites.iter().flat_map(|suite| &suite.cases);
+        cases.map(|case| (case.info.name(), case.verdict())).collect::<Vec<_>>()
+    };
+    assert!(verdicts(one).len() > 10, "{}", said(&output));
+    assert_eq!(verdicts(one), verdicts(other));
+}
+
+/// Runs the devices of a file.
+fn run_file(folder: &TempDir, file: &str) -> (Run, Output) {
+    let [dut, journal] = ["bus.yaml", JOURNAL].map(|name| folder.path().join(name));
+    fs::write(&dut, file).expect("there is room");
+    let mut run = harness();
+    run.args(["-q", "--no-progress", "--dut"]).arg(&dut).arg("--journal").arg(&journal);
+    let output = run.output().expect("the program starts");
+    assert!(journal.exists(), "{}", said(&output));
+    (record::read(&journal), output)
 }

@@ -5,7 +5,7 @@
 mod sheet;
 
 use std::collections::BTreeMap;
-use std::fmt::Debug;
+use std::fmt::{self, Debug};
 use std::sync::Arc;
 
 use canopen::bench::Needs;
@@ -40,6 +40,9 @@ pub struct Dut {
     /// Whether other stations can be on its bus: it is neither in this process nor at the end of
     /// pipes. What comes there with another identifier than its own may be theirs.
     pub shares_its_bus: bool,
+    /// The other nodes of its bus that are known: they are watched, and kept from what is meant for
+    /// the device.
+    pub other_nodes: Vec<OtherNode>,
     /// Whether it is a program on a machine that can be too busy to run it in time.
     pub shares_its_machine: bool,
     /// Bit rate of its bus in bit/s, when it is known.
@@ -59,6 +62,21 @@ pub struct Dut {
     pub wire: Arc<Wire>,
     /// The ways to bring it back when it does not answer.
     pub hooks: Hooks,
+}
+
+/// A node beside the device under test, on the same bus.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OtherNode {
+    /// The name in reports.
+    pub name: String,
+    /// Its node id.
+    pub node: u8,
+}
+
+impl fmt::Display for OtherNode {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}, node {}", self.name, self.node)
+    }
 }
 
 /// The user's means to bring the device back.
@@ -99,6 +117,7 @@ impl Dut {
             bench_needs: Needs::new(),
             interface: None,
             shares_its_bus: false,
+            other_nodes: Vec::new(),
             shares_its_machine: false,
             bit_rate: None,
             times: None,
@@ -134,8 +153,12 @@ impl Dut {
     pub fn ways_back(&self) -> Option<String> {
         let interface = self.interface.as_ref()?;
         let send = |frame: &str| format!("`cansend {interface} {frame}`");
-        let mut ways = vec![send(&format!("000#82{:02X}", self.node)), send("000#8100")];
-        if self.eds.device.lss {
+        let mut ways = vec![send(&format!("000#82{:02X}", self.node))];
+        let is_alone = self.other_nodes.is_empty();
+        if is_alone {
+            ways.push(send("000#8100"));
+        }
+        if self.eds.device.lss && is_alone {
             let lss = ["7E5#0401000000000000", &format!("7E5#11{:02X}000000000000", self.node)];
             let lss = lss.into_iter().chain(["7E5#0400000000000000", "000#8200"]);
             let frames: Vec<String> = lss.map(send).collect();

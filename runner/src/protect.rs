@@ -172,9 +172,11 @@ impl Protection {
         self.deeds.push((deed, by));
     }
 
-    /// Lets 1010h or 1011h be written so often.
+    /// Lets 1010h or 1011h be written so often; of several limits, the smallest counts.
     pub fn limit(&mut self, index: u16, limit: u32, by: String) {
-        self.budgets.insert(index, Budget { limit, used: Arc::default(), by });
+        if self.budgets.get(&index).is_none_or(|known| limit < known.limit) {
+            self.budgets.insert(index, Budget { limit, used: Arc::default(), by });
+        }
     }
 
     /// Whether an entry of the object is protected for what it is by the data sheet.

@@ -1,43 +1,68 @@
 //! What a device file says, where the command line says nothing.
 
-use super::{CheckArgs, DeviceArgs, ListArgs, RunArgs};
+use super::{CheckArgs, DeviceArgs, GradeName, ListArgs, RunArgs};
 use crate::exit::Refused;
 use crate::target::Selection;
 
 impl RunArgs {
-    /// The same arguments with what the device file says besides.
+    /// The same arguments for each device that is meant, with what the device file says besides.
     ///
     /// # Errors
     /// What is wrong with the file.
-    pub fn with_file(&self) -> Result<Self, Refused> {
-        let Some(file) = self.selection.load()? else { return Ok(self.clone()) };
-        let mut typed = self.selection.typed();
-        if let Some(factor) = self.patience {
-            typed.push_str(&format!(" --patience {factor}"));
+    pub fn each(&self) -> Result<Vec<Self>, Refused> {
+        let each = self.selection.each(&self.typed())?;
+        Ok(each.into_iter().map(|selection| self.with(selection)).collect())
+    }
+
+    /// The same for what is about one device.
+    ///
+    /// # Errors
+    /// What is wrong with the file, and when it is about several devices.
+    pub(crate) fn only(&self) -> Result<Self, Refused> {
+        Ok(self.with(self.selection.only(&self.typed())?))
+    }
+
+    /// The options beside the selection that a device file says as well.
+    fn typed(&self) -> String {
+        self.patience.map_or_else(String::new, |factor| format!(" --patience {factor}"))
+    }
+
+    fn with(&self, selection: Selection) -> Self {
+        let mut all = Self { selection, ..self.clone() };
+        let file = all.selection.file.clone();
+        for file in file.iter().flat_map(|file| file.files()) {
+            let said = &file.said;
+            all.grade = all.grade.or_else(|| said.grade.map(Into::into));
+            let waivers = || said.waivers.as_ref().map(|path| file.path(&path.value));
+            all.waivers = all.waivers.take().or_else(waivers);
+            all.patience = all.patience.or(said.patience.as_ref().map(|factor| factor.value));
         }
-        let said = &file.said;
-        Ok(Self {
-            grade: self.grade.or_else(|| said.grade.map(Into::into)),
-            waivers: self
-                .waivers
-                .clone()
-                .or_else(|| said.waivers.as_ref().map(|path| file.path(&path.value))),
-            patience: self.patience.or_else(|| said.patience.as_ref().map(|factor| factor.value)),
-            selection: self.selection.with(file, typed),
-            ..self.clone()
-        })
+        all
+    }
+
+    /// What holds for a run with `each` of these: its devices are named together, and where one of
+    /// them wants the strict grade, all have it.
+    pub(crate) fn together(each: &[Self]) -> Option<Self> {
+        let [first, others @ ..] = each else { return None };
+        let mut all = first.clone();
+        for other in others {
+            if other.grade == Some(GradeName::Strict) {
+                all.grade = other.grade;
+            }
+            all.selection.join(&other.selection);
+        }
+        Some(all)
     }
 }
 
 impl ListArgs {
-    /// The same arguments with what the device file says besides.
+    /// The same arguments for each device that is meant, with what the device file says besides.
     ///
     /// # Errors
     /// What is wrong with the file.
-    pub(crate) fn with_file(&self) -> Result<Self, Refused> {
-        let Some(file) = self.selection.load()? else { return Ok(self.clone()) };
-        let typed = self.selection.typed();
-        Ok(Self { selection: self.selection.with(file, typed), ..self.clone() })
+    pub(crate) fn each(&self) -> Result<Vec<Self>, Refused> {
+        let each = self.selection.each("")?;
+        Ok(each.into_iter().map(|selection| Self { selection, ..self.clone() }).collect())
     }
 }
 
@@ -54,8 +79,7 @@ impl CheckArgs {
             folders: self.folders.clone(),
             ..Selection::of_target(None)
         };
-        let Some(file) = selection.load()? else { return Ok(selection) };
-        Ok(selection.with(file, String::new()))
+        selection.only("")
     }
 }
 
@@ -77,9 +101,6 @@ impl DeviceArgs {
     /// # Errors
     /// What is wrong with the file.
     pub(crate) fn selection(&self) -> Result<Selection, Refused> {
-        let selection = self.typed();
-        let Some(file) = selection.load()? else { return Ok(selection) };
-        let typed = selection.typed();
-        Ok(selection.with(file, typed))
+        self.typed().only("")
     }
 }

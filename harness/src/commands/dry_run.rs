@@ -13,7 +13,7 @@ use runner::suite::Library;
 
 use super::counted::counted;
 use super::estimate;
-use super::planned::plan_for;
+use super::planned::plan_beside;
 use super::select::{known_device, select};
 use crate::cli::RunArgs;
 use crate::exit::{Exit, Refused};
@@ -24,23 +24,41 @@ use crate::target::{self, Address, Target};
 ///
 /// # Errors
 /// What keeps a run from starting, too; and when there is no data sheet.
-pub(super) fn run(args: &RunArgs, stop: &Stop) -> Result<Exit, Refused> {
+pub(super) fn run(each: &[RunArgs], stop: &Stop) -> Result<Exit, Refused> {
+    let planned = each.iter().map(|args| planned(args, stop));
+    let (libraries, mut plans): (Vec<_>, Vec<_>) =
+        planned.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
+    select(&mut plans, each.iter().map(|args| &args.selection))?;
+    for (place, ((args, library), plans)) in each.iter().zip(libraries).zip(plans).enumerate() {
+        if place > 0 {
+            say("\n");
+        }
+        of_one(args, &library, &plans, stop);
+    }
+    Ok(Exit::Green)
+}
+
+fn planned(args: &RunArgs, stop: &Stop) -> Result<(Library, Vec<Plan>), Refused> {
     let library = args.selection.folders.load()?;
     known_device(&args.selection, &library)?;
     let duts = duts(args, &library, stop)?;
-    let mut plans = plan_for(&library, &duts.iter().collect::<Vec<_>>())?;
-    select(&mut plans, &args.selection)?;
+    let others = &args.selection.others;
+    let plans = plan_beside(&library, &duts.iter().collect::<Vec<_>>(), others)?;
+    Ok((library, plans))
+}
+
+/// Prints what is meant by one set of arguments.
+fn of_one(args: &RunArgs, library: &Library, plans: &[Plan], stop: &Stop) {
     let texts: Vec<String> = plans.iter().map(|plan| report(plan, args.verbose)).collect();
     say(&texts.join("\n"));
     // In virtual time a run is over in a moment.
-    if let ([plan], true) = (plans.as_slice(), args.selection.eds.is_some()) {
-        let takes = estimate::of_plan(args, &estimate::earlier(args), &library, plan, stop);
+    if let ([plan], true) = (plans, args.selection.eds.is_some()) {
+        let takes = estimate::of_plan(args, &estimate::earlier(args), library, plan, stop);
         takes.iter().for_each(|(_, said)| say(&format!("\n{said}\n")));
     }
     if args.selection.bench.is_some() && plans.iter().any(|plan| !plan.dut.own_bench) {
         say("the bench is not asked: cases about its names count as skipped\n");
     }
-    Ok(Exit::Green)
 }
 
 /// The devices, without asking any that is not simulated.

@@ -54,7 +54,7 @@ pub(super) fn run(args: &FuzzArgs, stop: &Stop) -> Result<Exit, Refused> {
 
 fn campaign(args: &CampaignArgs, stop: &Stop) -> Result<Exit, Refused> {
     let typed = args.as_run();
-    let with_file = typed.with_file();
+    let with_file = typed.only();
     if args.dry_run {
         say(&may_do(&target_of(&with_file?.selection, stop)?));
         return Ok(Exit::Green);

@@ -4,10 +4,11 @@ use std::fmt::Write;
 
 use reference_devices::devices::ReferenceDevice;
 use reference_devices::{devices, freedom, mutant};
+use runner::plan::Plan;
 use runner::stop::Stop;
 
 use super::counted::counted;
-use super::planned::{Planned, plan_for};
+use super::planned::{Planned, plan_beside};
 use super::select::select;
 use crate::cli::ListArgs;
 use crate::exit::{Exit, Refused};
@@ -19,21 +20,17 @@ use crate::target::{self, Selection, reference_device};
 /// # Errors
 /// What keeps a run from starting, too.
 pub(super) fn run(args: &ListArgs, stop: &Stop) -> Result<Exit, Refused> {
-    let args = &args.with_file()?;
-    if let [what] = args.selection.patterns.as_slice()
-        && let Some(listed) = list_of(what, &args.selection)
+    let each = args.each()?;
+    if let [ListArgs { selection, .. }] = &each[..]
+        && let [what] = selection.patterns.as_slice()
+        && let Some(listed) = list_of(what, selection)
     {
         return listed;
     }
-    let mut plans = match (&args.selection.target, &args.selection.eds) {
-        (None, Some(path)) => {
-            let library = args.selection.folders.load()?;
-            let dut = target::dut_of_file(&args.selection, path)?;
-            plan_for(&library, &[&dut])?
-        }
-        _ => Planned::new(&args.selection, false, stop)?.plans,
-    };
-    select(&mut plans, &args.selection)?;
+    let plans = each.iter().map(|args| plans_of(&args.selection, stop));
+    let mut plans = plans.collect::<Result<Vec<_>, _>>()?;
+    select(&mut plans, each.iter().map(|args| &args.selection))?;
+    let plans: Vec<Plan> = plans.into_iter().flatten().collect();
     let instances = plans
         .iter()
         .flat_map(|plan| plan.instances.iter().map(move |instance| (&plan.dut.name, instance)));
@@ -75,6 +72,16 @@ pub(super) fn run(args: &ListArgs, stop: &Stop) -> Result<Exit, Refused> {
     }
     say(&text);
     Ok(Exit::Green)
+}
+
+fn plans_of(selection: &Selection, stop: &Stop) -> Result<Vec<Plan>, Refused> {
+    match (&selection.target, &selection.eds) {
+        (None, Some(path)) => {
+            let library = selection.folders.load()?;
+            plan_beside(&library, &[&target::dut_of_file(selection, path)?], &selection.others)
+        }
+        _ => Ok(Planned::new(selection, false, stop)?.plans),
+    }
 }
 
 /// The list that a word selects; `None` if it is the name of a suite or a case.

@@ -13,7 +13,7 @@ use super::select::{all_named, known_device};
 use crate::exit::Refused;
 use crate::nearest::did_you_mean;
 use crate::source::{At, Complaint};
-use crate::target::{self, Selection, Target};
+use crate::target::{self, Other, Selection, Target};
 
 /// What a selection means.
 pub(super) struct Planned {
@@ -40,11 +40,12 @@ impl Planned {
             Ok(loaded)
         };
         let ((mut library, is_part), targets) = target::resolve_beside(selection, stop, load)?;
-        let mut plans = plan_all(&library, &targets)?;
+        let duts: Vec<&Dut> = targets.iter().map(|target| &target.dut).collect();
+        let mut plans = plan_beside(&library, &duts, &selection.others)?;
         if is_part && !all_named(&plans, selection) {
             // What is near may be anywhere.
             library = selection.folders.load()?;
-            plans = plan_all(&library, &targets)?;
+            plans = plan_beside(&library, &duts, &selection.others)?;
         }
         Ok(Self { library, targets, plans })
     }
@@ -75,7 +76,19 @@ pub(super) fn plan_all(library: &Library, targets: &[Target]) -> Result<Vec<Plan
 /// # Errors
 /// As [`plan_all`].
 pub(super) fn plan_for(library: &Library, duts: &[&Dut]) -> Result<Vec<Plan>, Refused> {
-    note_suites_of_nobody(library, duts);
+    plan_beside(library, duts, &[])
+}
+
+/// A plan for each device, while others of the same device file have suites of their own.
+///
+/// # Errors
+/// As [`plan_all`].
+pub(super) fn plan_beside(
+    library: &Library,
+    duts: &[&Dut],
+    others: &[Other],
+) -> Result<Vec<Plan>, Refused> {
+    note_suites_of_nobody(library, duts, others);
     let (mut plans, mut complaints) = (Vec::new(), Vec::<Complaint>::new());
     let planned = parallel::map(duts.to_vec(), processors(), |dut| {
         plan::plan(library, dut, &target::models(&dut.eds))
@@ -95,10 +108,11 @@ pub(super) fn plan_for(library: &Library, duts: &[&Dut]) -> Result<Vec<Plan>, Re
 
 /// Notes the suites for a device that is neither tested nor a reference device, which would
 /// silently never run.
-fn note_suites_of_nobody(library: &Library, duts: &[&Dut]) {
+fn note_suites_of_nobody(library: &Library, duts: &[&Dut], others: &[Other]) {
     for suite in &library.suites {
         let Some(At { value: device, .. }) = &suite.file.device else { continue };
-        let tested = duts.iter().any(|dut| dut.name == *device);
+        let tested = duts.iter().any(|dut| dut.name == *device)
+            || others.iter().any(|other| other.known.name == *device);
         if !tested && !devices::names().any(|name| name == device) {
             complain!(
                 "note: suite {} is for the device `{device}` and is left out; `--device {device}` \

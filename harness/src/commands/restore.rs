@@ -14,7 +14,6 @@ use runner::stop::Stop;
 use super::counted::counted;
 use crate::bus::Interface;
 use crate::cli::RestoreArgs;
-use crate::device_file::DeviceFile;
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
 use crate::target::{DEFAULT_BIT_RATE, Selection, dut_of_file, open_interface, protect};
@@ -140,10 +139,16 @@ fn at_another_bit_rate(changes: &Changes) -> String {
 fn dut(changes: &Changes) -> Result<Dut, Refused> {
     let mut selection = Selection::of_target(None);
     selection.node = Some(changes.node);
-    selection.bitrate = changes.bit_rate;
-    if let Some(path) = &changes.device_file {
-        selection.file = Some(Arc::new(DeviceFile::load(path)?));
+    if changes.device_file.is_some() {
+        selection.dut.clone_from(&changes.device_file);
+        let mut each = selection.each("")?;
+        let is_there = |one: &Selection| one.target.as_ref() == Some(&changes.target);
+        let place = each.iter().position(is_there).unwrap_or_default();
+        let found = each.swap_remove(place);
+        selection.file = found.file;
+        selection.others = found.others;
     }
+    selection.bitrate = changes.bit_rate;
     let mut dut = match &changes.eds {
         Some(path) => dut_of_file(&selection, path)?,
         None => {

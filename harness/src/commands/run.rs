@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use canopen::{BusError, Instant};
-use reports::{Event, Identity, Note, RunEnded, RunStarted, Verdict};
+use reports::{Event, Identity, Note, Run, RunEnded, RunStarted, Verdict};
 use runner::parallel::{self, InTurn, processors};
 use runner::plan::{Instance, Plan};
 use runner::protect::Deed;
@@ -22,9 +22,11 @@ use super::recorded::recorded;
 use super::select::select;
 use crate::bus::unix_time;
 use crate::cli::RunArgs;
+use crate::device_file::DeviceFile;
 use crate::exit::{Exit, Refused};
 use crate::files::read_source;
 use crate::reporter::{Reporter, harmless, is_on_real_bus, started};
+use crate::source::Complaint;
 use crate::target::{Connection, DEFAULT_BIT_RATE, Selection, Target};
 use crate::undo_log::{self, Changes, UndoLog};
 
@@ -34,19 +36,20 @@ use crate::undo_log::{self, Changes, UndoLog};
 /// Anything that kept the run from starting.
 pub(super) fn run(args: &RunArgs, stop: &Stop) -> Result<Exit, Refused> {
     if args.dry_run {
-        return dry_run::run(&args.with_file()?, stop);
+        return dry_run::run(&args.each()?, stop);
     }
-    let with_file = args.with_file();
-    let args = with_file.as_ref().unwrap_or(args);
+    let each = args.each();
+    let together = each.as_ref().ok().and_then(|each| RunArgs::together(each));
+    let args = together.as_ref().unwrap_or(args);
     // Before the journal of this run, which may be the same file.
     let last_failed = args.last_failed.as_deref().map(last_failed).transpose()?;
     let earlier = if is_on_real_bus(args) { estimate::earlier(args) } else { Earlier::new() };
     let mut reporter = Reporter::new(args)?;
     // The children of the bench end with it.
     let held = args.selection.bench.as_ref().map(|_| stop.hold());
-    let prepared = match &with_file {
-        Ok(args) => Prepared::new(args, last_failed, stop),
-        Err(refused) => Err(refused.clone()),
+    let prepared = match each {
+        Ok(each) => Prepared::new(each, args, last_failed, stop),
+        Err(refused) => Err(refused),
     };
     let prepared = match prepared {
         Ok(_) if stop.asked() => Err(Refused::interrupted()),
@@ -71,68 +74,84 @@ pub(super) fn run(args: &RunArgs, stop: &Stop) -> Result<Exit, Refused> {
 /// Names the logs of devices on the same interface that may not answer because a killed run left
 /// them with another node id.
 fn name_lost_devices(args: &RunArgs) {
-    let target = args.selection.target.as_deref().unwrap_or_default();
+    let is_named = |target: &str| args.selection.targets().any(|named| named == target);
     let folder = undo_log::folder();
     for (name, left) in folder.iter().flat_map(|folder| undo_log::all(folder)) {
-        if left.target == target && left.address > Address::AsBefore && !left.is_running() {
+        if is_named(&left.target) && left.address > Address::AsBefore && !left.is_running() {
             complain!("note: {}", undo_log::offer(&name, &left));
         }
     }
 }
 
-/// The plans to run, and the facts known before they run.
-struct Prepared {
+/// What holds for the devices of one file, or for those of the command line.
+struct Common {
+    args: RunArgs,
     library: Library,
     waivers: Waivers,
-    targets: Vec<Target>,
-    plans: Vec<Plan>,
-    /// All cases, selected or not.
+    /// All cases, selected or not; empty where no waiver asks for them.
     names: Vec<String>,
-    /// Whether some of them are selected.
+}
+
+/// A device, its plan, and the place of what is common to it and others.
+struct Tested {
+    target: Target,
+    plan: Plan,
+    common: usize,
+}
+
+/// The plans to run, and the facts known before they run.
+struct Prepared {
+    commons: Vec<Common>,
+    devices: Vec<Tested>,
+    /// Whether some of the cases are selected.
     selected: bool,
 }
 
 impl Prepared {
     fn new(
-        args: &RunArgs,
+        each: Vec<RunArgs>,
+        run: &RunArgs,
         last_failed: Option<BTreeSet<String>>,
         stop: &Stop,
     ) -> Result<Self, Refused> {
-        // Waivers are held against all suites.
-        let Planned { library, targets, mut plans } =
-            Planned::new(&args.selection, args.waivers.is_some(), stop)?;
-        let waivers = waivers_of(args, &library.register)?;
-        let names = names_of(&plans, args.waivers.is_some());
-        select(&mut plans, &args.selection)?;
-        if let Some(failed) = &last_failed {
-            plans.iter_mut().for_each(|plan| plan.keep(failed));
+        let (mut commons, mut all_targets, mut all_plans) = (Vec::new(), Vec::new(), Vec::new());
+        for args in each {
+            // Waivers are held against all suites.
+            let Planned { library, targets, plans } =
+                Planned::new(&args.selection, args.waivers.is_some(), stop)?;
+            let waivers = waivers_of(&args, &library.register)?;
+            let names = names_of(&plans, args.waivers.is_some());
+            commons.push(Common { args, library, waivers, names });
+            all_targets.push(targets);
+            all_plans.push(plans);
         }
-        if let Some(shard) = args.shard {
-            plans.iter_mut().for_each(|plan| plan.keep_every(shard.of, shard.place));
+        select(&mut all_plans, commons.iter().map(|common: &Common| &common.args.selection))?;
+        let mut devices: Vec<Tested> = Vec::new();
+        for (common, (targets, plans)) in all_targets.into_iter().zip(all_plans).enumerate() {
+            let both = targets.into_iter().zip(plans);
+            devices.extend(both.map(|(target, plan)| Tested { target, plan, common }));
         }
-        if args.shuffle || args.seed.is_some() {
-            let seed = args.seed.unwrap_or(1);
-            plans
-                .iter_mut()
-                .for_each(|plan| fastrand::Rng::with_seed(seed).shuffle(&mut plan.instances));
-        }
-        if plans.iter().all(|plan| plan.instances.is_empty()) {
-            let left_out = plans.iter().find_map(Plan::said_left_out);
+        warn_of_absent_objects(&commons, &devices);
+        limit(&mut devices, run, last_failed.as_ref());
+        if devices.iter().all(|device| device.plan.instances.is_empty()) {
+            let left_out = devices.iter().find_map(|device| device.plan.said_left_out());
             let why = left_out.map(|said| format!(": {said}")).unwrap_or_default();
             let message = format!("error: there is nothing to run{why}");
             return Err(Refused { exit: Exit::NothingRan, message });
         }
-        let selected =
-            last_failed.is_some() || args.shard.is_some() || !args.selection.patterns.is_empty();
-        Ok(Self { library, waivers, targets, plans, names, selected })
+        tell_apart(&mut devices);
+        let selected = last_failed.is_some()
+            || run.shard.is_some()
+            || commons.iter().any(|common| !common.args.selection.patterns.is_empty());
+        Ok(Self { commons, devices, selected })
     }
 
     fn run(self, args: &RunArgs, earlier: &Earlier, stop: &Stop, reporter: &mut Reporter) -> Exit {
-        let Self { library, waivers, targets, plans, names, selected } = self;
-        let real = targets.iter().any(|target| !target.is_simulation());
-        let takes = match plans.as_slice() {
-            [plan] if is_on_real_bus(args) => {
-                estimate::of_plan(args, earlier, &library, plan, stop)
+        let Self { commons, mut devices, selected } = self;
+        let real = devices.iter().any(|device| !device.target.is_simulation());
+        let takes = match (&devices[..], &commons[..]) {
+            ([device], [common]) if is_on_real_bus(args) => {
+                estimate::of_plan(&common.args, earlier, &common.library, &device.plan, stop)
             }
             _ => None,
         };
@@ -143,19 +162,20 @@ impl Prepared {
             }
             remaining
         });
-        reporter.expect(plans.iter().map(|plan| plan.instances.len()).sum(), remaining);
-        let tool_checks = library.tool_checks();
+        let cases = devices.iter().map(|device| device.plan.instances.len()).sum();
+        reporter.expect(cases, remaining);
+        let tool_checks = commons.first().map(|common| common.library.tool_checks());
+        let tool_checks = tool_checks.unwrap_or_default();
         reporter.tell(&Event::RunStarted(RunStarted { tool_checks, ..started(args, real) }));
-        let sessions =
-            targets.into_iter().zip(plans).filter(|(_, plan)| !plan.instances.is_empty());
-        let all = Sessions { args, library: &library, waivers: &waivers, stop };
-        let endings = all.run(sessions.collect(), |event| reporter.tell(&event));
+        devices.retain(|device| !device.plan.instances.is_empty());
+        let endings = Sessions { run: args, commons: &commons, stop }
+            .run(devices, |event| reporter.tell(&event));
         let (mut stopped, mut reason) = (Exit::Green, None);
         for (exit, why) in endings {
             stopped = stopped.max(exit);
             reason = reason.or(why);
         }
-        let outdated = waivers.out_of_date(reporter.run(), &names, selected);
+        let outdated = outdated(&commons, reporter.run(), selected);
         let of_waivers = if outdated.is_empty() { Exit::Green } else { Exit::Waivers };
         let worst = stopped.max(of_verdicts(reporter)).max(of_waivers);
         // The user asked to stop after enough failures.
@@ -167,9 +187,68 @@ impl Prepared {
         for complaint in outdated {
             complain!("{}\n", harmless(&complaint.to_string()));
         }
-        forget(library);
+        forget(commons);
         worst.max(finished)
     }
+}
+
+/// Warns of what a file protects for all of its devices and none of them has.
+fn warn_of_absent_objects(commons: &[Common], devices: &[Tested]) {
+    // Of devices that are not tested, nobody has asked what they have.
+    let are_all = |common: &Common| common.args.selection.others.len() < commons.len();
+    if commons.iter().all(are_all) {
+        let files = devices.iter().filter_map(|Tested { target, common, .. }| {
+            Some((&**commons[*common].args.selection.file.as_ref()?, &*target.dut.eds))
+        });
+        for complaint in DeviceFile::absent_for_all(files) {
+            complain!("{}\n", complaint.to_string().replacen("error", "warning", 1));
+        }
+    }
+}
+
+/// Keeps of the plans what the run is about, in its order.
+fn limit(devices: &mut [Tested], run: &RunArgs, last_failed: Option<&BTreeSet<String>>) {
+    for Tested { plan, .. } in devices {
+        if let Some(failed) = last_failed {
+            plan.keep(failed);
+        }
+        if let Some(shard) = run.shard {
+            plan.keep_every(shard.of, shard.place);
+        }
+        if run.shuffle || run.seed.is_some() {
+            fastrand::Rng::with_seed(run.seed.unwrap_or(1)).shuffle(&mut plan.instances);
+        }
+    }
+}
+
+/// Numbers the devices of the same name, which reports could not tell apart. The suites for that
+/// name are chosen by now.
+fn tell_apart(devices: &mut [Tested]) {
+    let mut names = BTreeSet::new();
+    for Tested { plan, .. } in devices {
+        let name = plan.dut.name.clone();
+        for number in 2.. {
+            if names.insert(plan.dut.name.clone()) {
+                break;
+            }
+            plan.dut.name = format!("{name} ({number})");
+        }
+    }
+}
+
+/// The waivers that a run does not confirm. Devices may share a file of waivers.
+fn outdated(commons: &[Common], run: &Run, selected: bool) -> Vec<Complaint> {
+    let mut complaints = Vec::new();
+    for (place, common) in commons.iter().enumerate() {
+        let is_same = |other: &&Common| other.args.waivers == common.args.waivers;
+        if commons[..place].iter().any(|other| is_same(&other)) {
+            continue;
+        }
+        let names = commons.iter().filter(is_same).flat_map(|other| &other.names);
+        let names: Vec<String> = names.cloned().collect();
+        complaints.extend(common.waivers.out_of_date(run, &names, selected));
+    }
+    complaints
 }
 
 /// From which time on a run says beforehand how long it takes.
@@ -220,11 +299,11 @@ fn names_of(plans: &[Plan], asked: bool) -> Vec<String> {
     instances.map(Instance::name).collect()
 }
 
-/// The settings that all sessions of a run share.
+/// The settings of the sessions of a run.
 struct Sessions<'r> {
-    args: &'r RunArgs,
-    library: &'r Library,
-    waivers: &'r Waivers,
+    /// What holds for the run as a whole.
+    run: &'r RunArgs,
+    commons: &'r [Common],
     stop: &'r Stop,
 }
 
@@ -232,22 +311,60 @@ struct Sessions<'r> {
 type Ended = (Exit, Option<String>);
 
 impl Sessions<'_> {
-    /// Runs them, side by side where each device has a bus of its own. Nothing in the events shows
-    /// which it was.
-    fn run(&self, sessions: Vec<(Target, Plan)>, tell: impl FnMut(Event) + Send) -> Vec<Ended> {
-        let apart = sessions.iter().all(|(target, _)| target.is_simulation());
-        let workers = if apart { self.args.jobs.map_or_else(processors, Into::into) } else { 1 };
-        let sessions = sessions.into_iter().enumerate().collect();
-        let events = InTurn::new(tell, workers.saturating_sub(1));
-        parallel::map(sessions, workers, |(place, (target, plan))| {
-            let mut session = events.session(place);
-            self.session(&target, &plan, |event| session.emit(event))
-        })
+    /// Runs them, side by side where their devices have nothing in common. Nothing in the events
+    /// shows which it was.
+    fn run(&self, devices: Vec<Tested>, tell: impl FnMut(Event) + Send) -> Vec<Ended> {
+        let apart = devices.iter().all(|device| device.target.is_simulation());
+        let lanes = self.lanes(devices, apart);
+        let jobs = || self.run.jobs.map_or_else(processors, Into::into);
+        // On a bus, waiting is most of the work.
+        let workers = if apart { jobs() } else { lanes.len() };
+        // A lane may be at its last device while the first one of another still has its turn.
+        let ahead = if apart { workers.saturating_sub(1) } else { usize::MAX };
+        let events = InTurn::new(tell, ahead);
+        let ended = parallel::map(lanes, workers, |lane| {
+            let each = lane.into_iter().map(|(place, device)| {
+                let mut session = events.session(place);
+                (place, self.session(&device, |event| session.emit(event)))
+            });
+            each.collect::<Vec<_>>()
+        });
+        let mut ended: Vec<(usize, Ended)> = ended.into_iter().flatten().collect();
+        ended.sort_by_key(|(place, _)| *place);
+        ended.into_iter().map(|(_, ended)| ended).collect()
     }
 
-    fn session(&self, target: &Target, plan: &Plan, mut tell: impl FnMut(Event)) -> Ended {
-        let (args, stop) = (self.args, self.stop.of_session());
-        let undo = undo(target, &args.selection);
+    /// Devices that are tested one after the other: those on one interface, with one bench, or
+    /// simulated beside a bus whose time is real.
+    fn lanes(&self, devices: Vec<Tested>, apart: bool) -> Vec<Vec<(usize, Tested)>> {
+        let mut lanes: Vec<(BTreeSet<String>, Vec<(usize, Tested)>)> = Vec::new();
+        for (place, device) in devices.into_iter().enumerate() {
+            let selection = &self.commons[device.common].args.selection;
+            let bench = selection.bench.as_ref().map(|bench| format!("the bench {bench}"));
+            let simulated = device.target.is_simulation().then(|| "simulated".to_owned());
+            let wants = selection.wire().into_iter().chain(bench).chain(simulated);
+            let mut wants: BTreeSet<String> = if apart { BTreeSet::new() } else { wants.collect() };
+            let mut lane = Vec::new();
+            // Lanes that had nothing in common may both have something with this device.
+            let joined = lanes.extract_if(.., |(it, _)| !it.is_disjoint(&wants));
+            for (others, mut earlier) in joined.collect::<Vec<_>>() {
+                wants.extend(others);
+                lane.append(&mut earlier);
+            }
+            lane.push((place, device));
+            lanes.push((wants, lane));
+        }
+        let mut lanes: Vec<_> = lanes.into_iter().map(|(_, lane)| lane).collect();
+        lanes.iter_mut().for_each(|lane| lane.sort_by_key(|(place, _)| *place));
+        // The one whose turn comes first begins first.
+        lanes.sort_by_key(|lane| lane.first().map(|(place, _)| *place));
+        lanes
+    }
+
+    fn session(&self, device: &Tested, mut tell: impl FnMut(Event)) -> Ended {
+        let Tested { target, plan, common } = device;
+        let Common { args, library, waivers, .. } = &self.commons[*common];
+        let (stop, undo) = (self.stop.of_session(), undo(target, &args.selection));
         let mut tell = |event| {
             if let Some(why) = undo.failure() {
                 complain!("warning: {why}");
@@ -256,7 +373,7 @@ impl Sessions<'_> {
         };
         let session = Session {
             plan,
-            register: &self.library.register,
+            register: &library.register,
             policy: Policy {
                 patience: args.patience.unwrap_or(1),
                 seed: args.seed.unwrap_or(1),
@@ -266,7 +383,7 @@ impl Sessions<'_> {
                 ..Policy::at_bit_rate(target.dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE))
             },
             rerun: rerun(args, target),
-            waivers: self.waivers,
+            waivers,
             max_fail: args.max_fail,
             observer: &Unobserved,
             stop: &stop,

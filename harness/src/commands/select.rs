@@ -16,33 +16,46 @@ use crate::target::Selection;
 
 /// Keeps the instances that a pattern names: a glob over the full name, or the name of a suite, of
 /// a folder of suites or of a case. Without patterns everything is kept but the suites of profiles
-/// that the device does not follow; asked for by name, they say why they do not apply.
+/// that the device does not follow; asked for by name, they say why they do not apply. Each list
+/// of plans has its selection.
 ///
 /// # Errors
 /// The pattern that names nothing on any device.
-pub(super) fn select(plans: &mut [Plan], selection: &Selection) -> Result<(), Refused> {
-    let patterns = &selection.patterns;
-    for pattern in patterns {
-        let mut all = plans.iter().flat_map(|plan| &plan.instances);
-        if !all.any(|instance| names(pattern, instance)) {
-            let message = nothing_named(pattern, plans);
-            let file = selection.file.as_ref();
-            let in_file = file.and_then(|file| {
-                let said = file.said.select.iter().find(|said| said.value == *pattern)?;
-                Some(Complaint::at(&file.source, said.place, message.clone()))
-            });
-            return Err(in_file.map_or_else(|| Refused::usage(message), Refused::from));
+pub(super) fn select<'s>(
+    all: &mut [Vec<Plan>],
+    selections: impl Iterator<Item = &'s Selection> + Clone,
+) -> Result<(), Refused> {
+    for selection in selections.clone() {
+        for pattern in &selection.patterns {
+            let mut instances = all.iter().flatten().flat_map(|plan| &plan.instances);
+            if !instances.any(|instance| names(pattern, instance)) {
+                return Err(names_nothing(pattern, all.iter().flatten(), selection));
+            }
         }
     }
-    for plan in plans {
-        match patterns.is_empty() {
+    for (plans, Selection { patterns, .. }) in all.iter_mut().zip(selections) {
+        plans.iter_mut().for_each(|plan| match patterns.is_empty() {
             true => plan.leave_out_foreign(),
             false => plan
                 .instances
                 .retain(|instance| patterns.iter().any(|pattern| names(pattern, instance))),
-        }
+        });
     }
     Ok(())
+}
+
+/// The complaint about a pattern, in the device file that says it.
+fn names_nothing<'p>(
+    pattern: &str,
+    plans: impl Iterator<Item = &'p Plan>,
+    selection: &Selection,
+) -> Refused {
+    let message = nothing_named(pattern, plans);
+    let in_file = selection.file.iter().flat_map(|file| file.files()).find_map(|file| {
+        let said = file.said.select.iter().find(|said| said.value == *pattern)?;
+        Some(Complaint::at(&file.source, said.place, message.clone()))
+    });
+    in_file.map_or_else(|| Refused::usage(message), Refused::from)
 }
 
 /// Whether each pattern names something.
@@ -52,14 +65,14 @@ pub(super) fn all_named(plans: &[Plan], selection: &Selection) -> bool {
 }
 
 /// The sentence for a pattern that matches nothing.
-fn nothing_named(pattern: &str, plans: &[Plan]) -> String {
+fn nothing_named<'p>(pattern: &str, plans: impl Iterator<Item = &'p Plan>) -> String {
     if Cli::command().find_subcommand(pattern).is_some() {
         return format!(
             "`{pattern}` is a command: write it before the options, `harness {pattern} ...`"
         );
     }
     let mut names = BTreeSet::new();
-    for instance in plans.iter().flat_map(|plan| &plan.instances) {
+    for instance in plans.flat_map(|plan| &plan.instances) {
         let (suite, case) = (instance.suite.name(), &instance.case().id.value);
         names.insert(format!("{suite}/{case}"));
         let folders = suite.match_indices('/').map(|(place, _)| &suite[..place]);

@@ -77,6 +77,6 @@ pub(super) fn run(args: &RunArgs, exit: u8) -> Run {
 /// Whether the frames come from hardware. Other mistakes of the target are found when it is
 /// resolved.
 pub(crate) fn is_on_real_bus(args: &RunArgs) -> bool {
-    let address = args.selection.target.as_deref().map(str::parse);
-    matches!(address, Some(Ok(Address::Interface(_))))
+    let mut targets = args.selection.targets();
+    targets.any(|target| matches!(target.parse(), Ok(Address::Interface(_))))
 }

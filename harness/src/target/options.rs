@@ -1,18 +1,17 @@
 //! Options of the command line that a verdict depends on.
 
-use super::Selection;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
-use canopen::Bench;
-use canopen::bench::Needs;
 use canopen::catalogue::Catalogue;
 use reference_devices::devices::ReferenceDevice;
 use runner::dut::Dut;
 use runner::protect::{Deed, Protection, Wire};
 
+use super::Selection;
+use super::several::Other;
 use crate::exit::Refused;
 use crate::nearest::did_you_mean;
-use crate::rig::Rig;
+use crate::rig::{OwnBench, Rigs};
 
 /// Checks that there are options of these names.
 pub(super) fn known(names: &[String], catalogue: &Catalogue) -> Result<(), Refused> {
@@ -73,14 +72,23 @@ pub(crate) fn protect(selection: &Selection, dut: &mut Dut) {
     if let Some(why) = dut.unlisted_bit_rate() {
         protection.forbid(Deed::BitTiming, format!("its bit rate ({why})"));
     }
+    for other in selection.others.iter().filter(|other| other.shares_the_bus) {
+        dut.other_nodes.push(other.known.clone());
+        spare(&mut protection, other);
+    }
     dut.protection = Arc::new(protection);
 }
 
-/// The user's bench, its names, and how the device must be set up for it.
-pub(super) type OwnBench = (Arc<Mutex<Rig>>, Offer);
-
-/// The names of a bench, and how the device must be set up for them.
-pub(super) type Offer = (Vec<String>, Needs);
+/// Keeps from another device on the same bus what is meant for the one under test.
+fn spare(protection: &mut Protection, other: &Other) {
+    let Other { known, place, keeps_from_all, .. } = other;
+    if let Some(why) = keeps_from_all {
+        protection.forbid(Deed::AllNodes, format!("{why}, for {known} on the same bus"));
+    }
+    for deed in [Deed::AllSlaves, Deed::NodeId, Deed::BitTiming] {
+        protection.forbid(deed, format!("{known} on the same bus, in {place}"));
+    }
+}
 
 /// The bench the user names.
 pub(super) fn rig(
@@ -90,7 +98,7 @@ pub(super) fn rig(
     let Some(text) = &selection.bench else { return Ok(None) };
     let quote = if text.contains(' ') { "'" } else { "" };
     options.push_str(&format!(" --bench {quote}{text}{quote}"));
-    let opened = Rig::open(text).and_then(|mut rig| Ok(((rig.names()?, rig.needs()?), rig)));
-    let (offer, rig) = opened.map_err(|error| Refused::bus(error.to_string()))?;
-    Ok(Some((Arc::new(Mutex::new(rig)), offer)))
+    // Without a device file, each simulated device has a bench of its own.
+    let rigs = if selection.others.is_empty() { &Rigs::default() } else { &selection.rigs };
+    rigs.open(text).map(Some).map_err(|error| Refused::bus(error.to_string()))
 }

@@ -5,10 +5,11 @@ use std::sync::Arc;
 
 use clap::Args;
 
+use super::several::Other;
 use crate::argument::whole;
 use crate::device_file::DeviceFile;
-use crate::exit::Refused;
 use crate::folders::Folders;
+use crate::rig::Rigs;
 
 /// Bit rate of the virtual bus, and of one that nobody knows, unless something else is said, in
 /// bit/s.
@@ -67,6 +68,12 @@ pub struct Selection {
     /// The options that name the same again, beside a device file.
     #[arg(skip)]
     pub(crate) typed: Option<String>,
+    /// The other devices of the device file.
+    #[arg(skip)]
+    pub(crate) others: Vec<Other>,
+    /// The benches that are open, which devices of one file share.
+    #[arg(skip)]
+    pub(crate) rigs: Rigs,
 }
 
 impl Selection {
@@ -86,6 +93,8 @@ impl Selection {
             free_to_write: Vec::new(),
             file: None,
             typed: None,
+            others: Vec::new(),
+            rigs: Rigs::default(),
         }
     }
 
@@ -108,14 +117,6 @@ impl Selection {
         }
     }
 
-    /// The device file, where one is named.
-    ///
-    /// # Errors
-    /// What is wrong with the file.
-    pub(crate) fn load(&self) -> Result<Option<DeviceFile>, Refused> {
-        Ok(self.dut.as_deref().map(DeviceFile::load).transpose()?)
-    }
-
     /// The options as they were typed, without patterns.
     pub(crate) fn typed(&self) -> String {
         let mut typed = Vec::new();
@@ -129,22 +130,46 @@ impl Selection {
     }
 
     /// The same with what a device file says where nothing was typed.
-    pub(crate) fn with(&self, file: DeviceFile, typed: String) -> Self {
-        let said = &file.said;
+    pub(super) fn with(&self, file: Arc<DeviceFile>, typed: String) -> Self {
         let mut all = self.clone();
-        all.target = self.target.clone().or_else(|| file.target());
-        all.node = self.node.or_else(|| said.node.as_ref().map(|node| node.value));
-        all.eds = self.eds.clone().or_else(|| said.eds.as_ref().map(|path| file.path(&path.value)));
-        all.device = self.device.clone().or_else(|| said.device.clone());
-        all.bitrate = self.bitrate.or_else(|| said.bit_rate.as_ref().map(|rate| rate.value));
-        all.bench = self.bench.clone().or_else(|| file.bench());
-        if all.patterns.is_empty() {
-            all.patterns = said.select.iter().map(|pattern| pattern.value.clone()).collect();
+        file.files().for_each(|file| all.take(file));
+        all.typed = Some(typed);
+        all.file = Some(file);
+        all
+    }
+
+    /// Names another device beside this one, for what is said of a run as a whole.
+    pub(crate) fn join(&mut self, other: &Self) {
+        let more = other.target.iter().filter(|more| self.targets().all(|known| known != *more));
+        let targets: Vec<&str> = self.targets().chain(more.map(String::as_str)).collect();
+        let target = (!targets.is_empty()).then(|| targets.join(BETWEEN));
+        self.target = target;
+        self.bench = self.bench.take().or_else(|| other.bench.clone());
+        (self.device, self.node, self.eds) = (None, None, None);
+    }
+
+    /// The targets, of which there are several after [`join`](Self::join).
+    pub(crate) fn targets(&self) -> impl Iterator<Item = &str> {
+        self.target.iter().flat_map(|target| target.split(BETWEEN))
+    }
+
+    /// Takes from one file what is not said yet.
+    fn take(&mut self, file: &DeviceFile) {
+        let said = &file.said;
+        self.target = self.target.take().or_else(|| file.target());
+        self.node = self.node.or_else(|| said.node.as_ref().map(|node| node.value));
+        let eds = || said.eds.as_ref().map(|path| file.path(&path.value));
+        self.eds = self.eds.take().or_else(eds);
+        self.device = self.device.take().or_else(|| said.device.clone());
+        self.bitrate = self.bitrate.or_else(|| said.bit_rate.as_ref().map(|rate| rate.value));
+        self.bench = self.bench.take().or_else(|| file.bench());
+        if self.patterns.is_empty() {
+            self.patterns = said.select.iter().map(|pattern| pattern.value.clone()).collect();
         }
-        all.without.extend(said.without.iter().cloned());
+        self.without.extend(said.without.iter().cloned());
         let free = said.free_to_write.iter().flat_map(|range| range.objects.indices.clone());
-        all.free_to_write.extend(free);
-        let folders = &mut all.folders;
+        self.free_to_write.extend(free);
+        let folders = &mut self.folders;
         if folders.only.is_empty() {
             folders.only = said.only_suites.iter().map(|path| file.path(path)).collect();
         }
@@ -152,11 +177,11 @@ impl Selection {
         folders.more = own.chain(folders.more.drain(..)).collect();
         let catalogue = said.catalogue.as_ref().map(|path| file.path(path));
         folders.catalogue.folder = folders.catalogue.folder.take().or(catalogue);
-        all.typed = Some(typed);
-        all.file = Some(Arc::new(file));
-        all
     }
 }
+
+/// What stands between targets.
+const BETWEEN: &str = ", ";
 
 /// An index as data sheets write it, in hexadecimal.
 fn hex_index(text: &str) -> Result<u16, String> {

@@ -1,5 +1,5 @@
-//! An adapter with Lawicel's protocol and a server that speaks as socketcand does, each with a
-//! reference device on its bus. How they read and write is their own, and nothing of the harness.
+//! An adapter with Lawicel's protocol and a server that speaks as socketcand does, each with
+//! reference devices on its bus, one or with ` & ` between them several. How they read and write is their own, and nothing of the harness.
 
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, Read, Write};
@@ -103,12 +103,12 @@ pub(crate) fn line_to_tcp() -> (OnLine, String) {
     (near, address)
 }
 
-/// An adapter on a serial line, with a device on its bus, until it is unplugged or the test ends.
+/// An adapter on a serial line, with devices on its bus, until it is unplugged or the test ends.
 pub(crate) fn on_line(arguments: &str, manner: Manner) -> OnLine {
     let (far, near) = line();
-    let (device, mut adapter) = lawicel(arguments, manner);
+    let (devices, mut adapter) = lawicel(arguments, manner);
     thread::spawn(move || {
-        let _device = device;
+        let _devices = devices;
         adapter.known.listens(far.try_clone().expect("it is open"));
         adapter.speak(&far);
         // With this and the file it is unplugged.
@@ -117,26 +117,26 @@ pub(crate) fn on_line(arguments: &str, manner: Manner) -> OnLine {
     near
 }
 
-/// An adapter behind TCP, with a device on its bus; its address.
+/// An adapter behind TCP, with devices on its bus; its address.
 pub(crate) fn on_tcp(arguments: &str, manner: Manner) -> String {
-    let (device, mut adapter) = lawicel(arguments, manner);
+    let (devices, mut adapter) = lawicel(arguments, manner);
     served(move |stream| {
-        let _device = &device;
+        let _devices = &devices;
         adapter.known.is_open.store(adapter.manner.is_silent, Ordering::SeqCst);
         adapter.known.listens(stream.try_clone().expect("it is open"));
         adapter.speak(&**stream)
     })
 }
 
-/// A server that offers `can0`, with a device on it; its address.
+/// A server that offers `can0`, with devices on it; its address.
 pub(crate) fn socketcand(arguments: &str, manner: Manner) -> String {
     let known = Arc::new(Known::default());
-    let (device, mut to_bus) = device(arguments, Arc::clone(&known), frame_in_words);
+    let (devices, to_bus) = devices(arguments, &known, frame_in_words);
     served(move |stream| {
-        let _device = &device;
+        let _devices = &devices;
         known.is_open.store(false, Ordering::SeqCst);
         known.listens(stream.try_clone().expect("it is open"));
-        words(stream, &known, &mut to_bus, &manner)
+        words(stream, &known, &to_bus, &manner)
     })
 }
 
@@ -198,13 +198,39 @@ fn wait(span: Duration) {
     _ = never.recv_timeout(span);
 }
 
-/// A device that has booted up. What it sends is passed on as `form` writes it, with the
-/// nanoseconds of its clock.
-fn device(
+/// Devices that have booted up. What one sends is passed on to the others, and to the tester as
+/// `form` writes it, with the nanoseconds of its clock.
+fn devices(
     arguments: &str,
-    known: Arc<Known>,
-    form: impl Fn(&Known, &Frame, u64) -> String + Send + 'static,
-) -> (Device, ChildStdin) {
+    known: &Arc<Known>,
+    form: impl Fn(&Known, &Frame, u64) -> String + Clone + Send + 'static,
+) -> (Vec<Device>, ToBus) {
+    let (mut all, mut ends, mut froms) = (Vec::new(), Vec::new(), Vec::new());
+    for arguments in arguments.split(" & ") {
+        let (device, to, lines) = device(arguments);
+        all.push(device);
+        ends.push(Arc::new(Mutex::new(to)));
+        froms.push(lines);
+    }
+    for (place, lines) in froms.into_iter().enumerate() {
+        let others = ends.iter().enumerate().filter(|(other, _)| *other != place);
+        let others = ToBus(others.map(|(_, to)| Arc::clone(to)).collect());
+        let (known, form) = (Arc::clone(known), form.clone());
+        thread::spawn(move || {
+            for line in lines {
+                let line = candump::parse(&line).expect("it is a frame").expect("it is one");
+                others.send(&line.frame);
+                if known.is_open() {
+                    known.say(&form(&known, &line.frame, line.at.expect("it has a stamp").0));
+                }
+            }
+        });
+    }
+    (all, ToBus(ends))
+}
+
+/// A device that has booted up, and the lines that follow.
+fn device(arguments: &str) -> (Device, ChildStdin, impl Iterator<Item = String> + Send + use<>) {
     let mut serve = Command::new(env!("CARGO_BIN_EXE_harness"));
     serve.arg("serve").args(arguments.split(' ')).arg("--stdio");
     serve.stdin(Stdio::piped()).stdout(Stdio::piped());
@@ -213,27 +239,28 @@ fn device(
     let from = device.0.stdout.take().expect("it is a pipe");
     let mut lines = BufReader::new(from).lines().map_while(Result::ok);
     lines.next().expect("it boots up");
-    thread::spawn(move || {
-        for line in lines {
-            let line = candump::parse(&line).expect("it is a frame").expect("it is one");
-            if known.is_open() {
-                known.say(&form(&known, &line.frame, line.at.expect("it has a stamp").0));
-            }
+    (device, to, lines)
+}
+
+/// The devices on the bus.
+#[derive(Clone)]
+struct ToBus(Vec<Arc<Mutex<ChildStdin>>>);
+
+impl ToBus {
+    fn send(&self, frame: &Frame) {
+        for to in &self.0 {
+            let mut to = to.lock().expect("nobody panics with it");
+            // It may have ended.
+            _ = writeln!(to, "(0.0) can0 {frame}");
+            _ = to.flush();
         }
-    });
-    (device, to)
+    }
 }
 
-fn to_device(to: &mut ChildStdin, frame: &Frame) {
-    // It may have ended.
-    _ = writeln!(to, "(0.0) can0 {frame}");
-    _ = to.flush();
-}
-
-fn lawicel(arguments: &str, manner: Manner) -> (Device, Adapter) {
+fn lawicel(arguments: &str, manner: Manner) -> (Vec<Device>, Adapter) {
     let known = Arc::new(Known::default());
     known.is_open.store(manner.is_silent, Ordering::SeqCst);
-    let (device, to_bus) = device(arguments, Arc::clone(&known), |known, frame, at| {
+    let (devices, to_bus) = devices(arguments, &known, |known, frame, at| {
         let stamp = at / 1_000_000 % 60_000;
         let stamp = match known.has_stamps.load(Ordering::SeqCst) {
             true => format!("{stamp:04X}"),
@@ -241,14 +268,14 @@ fn lawicel(arguments: &str, manner: Manner) -> (Device, Adapter) {
         };
         format!("{}{stamp}\r", slcan(frame))
     });
-    (device, Adapter { known, manner, to_bus, has_rate: false })
+    (devices, Adapter { known, manner, to_bus, has_rate: false })
 }
 
 /// The side of an adapter that takes commands.
 struct Adapter {
     known: Arc<Known>,
     manner: Manner,
-    to_bus: ChildStdin,
+    to_bus: ToBus,
     has_rate: bool,
 }
 
@@ -283,7 +310,7 @@ impl Adapter {
         Some(match frame {
             Some(_) if !is_open || matches!(fault, Some(Fault::Refusing(_))) => BELL.to_owned(),
             Some(frame) => {
-                to_device(&mut self.to_bus, &frame);
+                self.to_bus.send(&frame);
                 if fault == Some(Fault::Garbage) && count == self.manner.after + 1 {
                     self.known.say("t58\u{7f}\r");
                 }
@@ -357,7 +384,7 @@ fn frame_in_words(_: &Known, frame: &Frame, at: u64) -> String {
 }
 
 /// Speaks until the tester goes; `false` when the server does.
-fn words(from: &TcpStream, known: &Known, to_bus: &mut ChildStdin, manner: &Manner) -> bool {
+fn words(from: &TcpStream, known: &Known, to_bus: &ToBus, manner: &Manner) -> bool {
     known.say("< hi >");
     for message in BufReader::new(from).split(b'>').map_while(Result::ok) {
         manner.is_slow.into_iter().for_each(wait);
@@ -384,7 +411,7 @@ fn words(from: &TcpStream, known: &Known, to_bus: &mut ChildStdin, manner: &Mann
             }
             (["echo"], _) => known.say("< echo >"),
             (_, Some(frame)) => {
-                to_device(to_bus, &frame);
+                to_bus.send(&frame);
                 if fault == Some(Fault::Garbage) && count == manner.after + 1 {
                     known.say("< frame 58\u{7f} >");
                 }

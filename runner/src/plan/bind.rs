@@ -226,18 +226,20 @@ fn bus(dut: &Dut) -> Scope {
     scope
 }
 
-/// Node ids that neither the device has nor any node that it monitors, by its data sheet or by
-/// what it has stored, with the identifiers of such a node and its part of an entry of 1016h.
+/// Node ids that neither the device has, nor a known node of its bus, nor any node that it monitors,
+/// by its data sheet or by what it has stored, with the identifiers of such a node and its part of
+/// an entry of 1016h.
 pub(crate) fn others(dut: &Dut, stored: &[u8]) -> impl Iterator<Item = (String, Binding)> {
     const NAMES: [&str; 3] = ["other", "second-other", "third-other"];
-    let monitored: Vec<u8> = dut
+    let taken: Vec<u8> = dut
         .heartbeat_consumers()
         .filter_map(|mux| Some((dut.default_int(mux)? >> 16) as u8))
         .chain(stored.iter().copied())
+        .chain(dut.other_nodes.iter().map(|other| other.node))
         .collect();
     let own = dut.node;
     let free = (125..=127).chain((1..125).rev());
-    let free = free.filter(move |node| *node != own && !monitored.contains(node));
+    let free = free.filter(move |node| *node != own && !taken.contains(node));
     NAMES.into_iter().zip(free).flat_map(|(name, node)| {
         let id = |base: u16| Binding::Id(base + u16::from(node));
         [

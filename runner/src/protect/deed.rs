@@ -27,6 +27,8 @@ pub enum Deed {
     ResetCommunication,
     /// An NMT command to every node.
     AllNodes,
+    /// LSS switch state global, but to waiting: from then on every slave takes requests.
+    AllSlaves,
     /// LSS configure or activate bit timing parameters.
     BitTiming,
     /// LSS configure node id.
@@ -66,8 +68,8 @@ impl Deed {
                 0x1006 | 0x100C..=0x100D | 0x1011 | 0x1016 | 0x1029 | 0x1400..=0x17FF | 0x1F80
                     | 0x2000..
             ),
-            // A command to all nodes is also one to this node.
-            Self::AllNodes => false,
+            // A command to all nodes is also one to this node, and so is a request to all slaves.
+            Self::AllNodes | Self::AllSlaves => false,
             Self::Map(..)
             | Self::WriteAny(_)
             | Self::Start
@@ -107,6 +109,7 @@ impl fmt::Display for Deed {
             Self::ResetNode => f.write_str("NMT reset node"),
             Self::ResetCommunication => f.write_str("NMT reset communication"),
             Self::AllNodes => f.write_str("NMT command to all nodes"),
+            Self::AllSlaves => f.write_str("LSS switch state global"),
             Self::BitTiming => f.write_str("LSS bit timing"),
             Self::NodeId => f.write_str("LSS node id"),
             Self::StoreLss => f.write_str("LSS store"),

@@ -270,6 +270,7 @@ fn of_command(frame: &Frame) -> Vec<Deed> {
 
 fn of_lss(frame: &Frame) -> Vec<Deed> {
     let deed = match lss::Request::decode(&frame.data.padded()) {
+        Ok(lss::Request::SwitchGlobal(mode)) if mode != lss::Mode::WAITING => Deed::AllSlaves,
         Ok(lss::Request::ConfigureBitTiming { .. } | lss::Request::ActivateBitTiming(_)) => {
             Deed::BitTiming
         }
@@ -324,6 +325,8 @@ mod tests {
             ("702#R", vec![Deed::Watch]),
             ("000#81", vec![Deed::ResetNode, Deed::AllNodes]),
             ("000#", vec![]),
+            ("7E5#0401000000000000", vec![Deed::AllSlaves]),
+            ("7E5#0400000000000000", vec![]),
             ("7E5#1300020000000000", vec![Deed::BitTiming]),
             ("7E5#1564000000000000", vec![Deed::BitTiming]),
             ("7E5#1103000000000000", vec![Deed::NodeId]),

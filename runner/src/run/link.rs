@@ -5,6 +5,7 @@
 
 mod lateness;
 mod oddities;
+mod other_nodes;
 mod patience;
 mod probe;
 mod read;

@@ -14,6 +14,7 @@ mod repeats;
 mod starts;
 mod turns;
 
+use std::fmt;
 use std::sync::Arc;
 
 use canopen::nmt::Service;
@@ -120,9 +121,11 @@ impl Session<'_> {
             versions: known.versions.clone(),
             ..self.device()
         })));
+        say_of_other_nodes(&mut link, format_args!("before the first case of {}", dut.name));
         link.take_trace();
         let ending = self.cases(&mut link, &known.baseline, blocks);
         self.set_back(&mut link, &known.baseline.identity, &ending);
+        say_of_other_nodes(&mut link, format_args!("after the last case of {}", dut.name));
         self.say_the_rest(&mut link, &known.outputs);
         ending
     }
@@ -427,6 +430,8 @@ impl Session<'_> {
         let relies_on = self.rests_on(instance, &outcome, &finished.commanded);
         let end = CaseEnded::of(started, link.mark(), outcome.clone());
         link.emit(Event::CaseEnded(CaseEnded { relies_on, ..end }));
+        let (name, case) = (&self.plan.dut.name, started.name());
+        say_of_other_nodes(link, format_args!("while {case} ran on {name}"));
         outcome
     }
 
@@ -495,6 +500,13 @@ impl Session<'_> {
 /// The first half of the sentence: the case in which the device was lost has all of it.
 fn shortly(why: &str) -> &str {
     why.split("; ").next().unwrap_or(why)
+}
+
+/// Says what happened to the other nodes of the bus since this was last said. It is nobody's verdict.
+fn say_of_other_nodes(link: &mut Link, when: fmt::Arguments<'_>) {
+    for said in link.of_other_nodes() {
+        link.emit(Event::Note(Note { at: link.mark(), text: format!("{said}, {when}") }));
+    }
 }
 
 fn ended(link: &Link, case: &CaseStarted, outcome: Outcome) -> Event {

@@ -2,6 +2,7 @@
 //! start.
 
 mod kept;
+mod other_nodes;
 mod reliance;
 mod shared_bus;
 

@@ -12,6 +12,7 @@ use reports::Event;
 use smallvec::SmallVec;
 
 use super::lateness::{Awaited, Lateness, STALL};
+use super::other_nodes::OtherNodes;
 use super::silence::Silence;
 use super::traffic::Traffic;
 use super::twins::Twins;
@@ -58,6 +59,7 @@ pub struct Link<'b> {
     silence: Silence,
     traffic: Traffic,
     twins: Twins,
+    other_nodes: OtherNodes,
 }
 
 impl<'b> Link<'b> {
@@ -82,6 +84,7 @@ impl<'b> Link<'b> {
             silence: Silence::default(),
             traffic: Traffic::default(),
             twins: Twins::default(),
+            other_nodes: OtherNodes::default(),
         }
     }
 
@@ -97,11 +100,13 @@ impl<'b> Link<'b> {
         Self { emit: Some(emit), observer, stop: stop.clone(), ..Self::new(bus) }
     }
 
-    /// Listens for when the device falls silent, and where others share its bus, for another one
-    /// with its node id: once there is one, nothing is sent any more.
+    /// Listens for when the device falls silent, for what happens to the other nodes of its bus
+    /// that are known, and where others share its bus, for another one with its node id: once there
+    /// is one, nothing is sent any more.
     pub(in crate::run) fn listen_to(&mut self, dut: &Dut) {
         self.silence = Silence::of(dut.node);
         self.twins.node = dut.shares_its_bus.then_some(dut.node);
+        self.other_nodes = OtherNodes::of(&dut.other_nodes);
     }
 
     /// Measures from now on how much of the bus others take.
@@ -118,6 +123,11 @@ impl<'b> Link<'b> {
     /// How much of the bus others take.
     pub(in crate::run) const fn traffic(&self) -> &Traffic {
         &self.traffic
+    }
+
+    /// Returns what happened to the other nodes since this was last asked, a sentence each.
+    pub(in crate::run) fn of_other_nodes(&mut self) -> Vec<String> {
+        self.other_nodes.take(self.mark)
     }
 
     /// The last frame to the device, if it has sent nothing since.
@@ -506,14 +516,18 @@ impl<'b> Link<'b> {
             return Err(BusError::Interrupted);
         }
         let got = match self.bus.is_real() {
-            true => self.watchful(until)?,
-            false => self.bus.recv(until)?,
+            true => self.watchful(until),
+            false => self.bus.recv(until),
         };
-        let Some(stamped) = got else { return Ok(None) };
+        if let Err(BusError::Lost(_) | BusError::Controller(_)) = &got {
+            self.other_nodes.lose();
+        }
+        let Some(stamped) = got? else { return Ok(None) };
         self.silence.see(&stamped);
         self.awaited.see(&stamped);
         self.traffic.see(&stamped);
         self.twins.see(&stamped);
+        self.other_nodes.see(&stamped);
         self.observer.frame(&stamped);
         self.trace.push(Seen { stamped, expected: false });
         if self.in_case {

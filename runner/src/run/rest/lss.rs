@@ -81,7 +81,11 @@ pub(in crate::run) fn give_back(
 fn configuration(link: &mut Link, identity: &Identity, node: u8) -> Result<Option<u8>, BusError> {
     let selected = select(link, identity)?;
     if !selected {
-        send(link, Request::SwitchGlobal(Mode::CONFIGURATION))?;
+        match send(link, Request::SwitchGlobal(Mode::CONFIGURATION)) {
+            // Other slaves would take what is meant for the device.
+            Err(BusError::Withheld(_)) => return Ok(None),
+            sent => sent?,
+        }
     }
     let ids = answers(link, Request::InquireNodeId)?;
     Ok(match ids[..] {
