@@ -305,7 +305,7 @@ impl DeviceFile {
     }
 
     /// The target as the program needs it: a simulated device may be a folder.
-    pub(crate) fn target(&self) -> Option<String> {
+    pub fn target(&self) -> Option<String> {
         let target = self.said.target.as_ref()?;
         if let Some((exec, command)) = target.split_once(':').filter(|(exec, _)| is_exec(exec)) {
             return Some(format!("{exec}:{}", self.command(command)));
@@ -319,7 +319,7 @@ impl DeviceFile {
     }
 
     /// The bench as the program needs it: its path, or that of its program.
-    pub(crate) fn bench(&self) -> Option<String> {
+    pub fn bench(&self) -> Option<String> {
         let bench = self.said.bench.as_ref()?;
         if let Some(socket) = bench.strip_prefix("unix:") {
             return Some(format!("unix:{}", self.path(Path::new(socket)).display()));

@@ -42,7 +42,9 @@ pub type Offer = (Vec<String>, Needs);
 /// The benches that are open, by how they are named: devices of one file that name the same bench
 /// share it.
 #[derive(Clone, Default)]
-pub struct Rigs(Arc<Mutex<BTreeMap<String, (Weak<Mutex<Rig>>, Offer)>>>);
+pub struct Rigs(Arc<Mutex<OpenRigs>>);
+
+type OpenRigs = BTreeMap<String, (Weak<Mutex<Rig>>, Offer)>;
 
 impl Rigs {
     /// Opens a bench, unless it is open.

@@ -216,7 +216,7 @@ fn target(address: &str, file: &str) -> Target {
 
 fn args(path: &Path) -> harness::cli::RunArgs {
     let cli = Cli::try_parse_from(["harness", "--dut", path.to_str().expect("a path")]);
-    let args = cli.expect("a command line").run.with_file();
+    let args = cli.expect("a command line").run.only();
     args.map_err(|refused| refused.message).expect("a device file")
 }
 

@@ -159,7 +159,7 @@ fn arguments(file: &str) -> RunArgs {
     let path = folder.path().join("device-under-test.yaml");
     fs::write(&path, file).expect("it can be written");
     let cli = Cli::try_parse_from(["harness", "--dut", path.to_str().expect("a path")]);
-    let args = cli.expect("a command line").run.with_file();
+    let args = cli.expect("a command line").run.only();
     args.map_err(|refused| refused.message).expect("a device file")
 }
 

@@ -18,7 +18,7 @@ impl RunArgs {
     ///
     /// # Errors
     /// What is wrong with the file, and when it is about several devices.
-    pub(crate) fn only(&self) -> Result<Self, Refused> {
+    pub fn only(&self) -> Result<Self, Refused> {
         Ok(self.with(self.selection.only(&self.typed())?))
     }
 
@@ -35,7 +35,8 @@ impl RunArgs {
             all.grade = all.grade.or_else(|| said.grade.map(Into::into));
             let waivers = || said.waivers.as_ref().map(|path| file.path(&path.value));
             all.waivers = all.waivers.take().or_else(waivers);
-            all.patience = all.patience.or(said.patience.as_ref().map(|factor| factor.value));
+            let patience = || said.patience.as_ref().map(|factor| factor.value);
+            all.patience = all.patience.or_else(patience);
         }
         all
     }

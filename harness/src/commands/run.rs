@@ -307,6 +307,9 @@ struct Sessions<'r> {
     stop: &'r Stop,
 }
 
+/// Devices that are tested one after the other, with their places among all.
+type Lane = Vec<(usize, Tested)>;
+
 /// How a session ended, and why if not with its last case.
 type Ended = (Exit, Option<String>);
 
@@ -336,15 +339,15 @@ impl Sessions<'_> {
 
     /// Devices that are tested one after the other: those on one interface, with one bench, or
     /// simulated beside a bus whose time is real.
-    fn lanes(&self, devices: Vec<Tested>, apart: bool) -> Vec<Vec<(usize, Tested)>> {
-        let mut lanes: Vec<(BTreeSet<String>, Vec<(usize, Tested)>)> = Vec::new();
+    fn lanes(&self, devices: Vec<Tested>, apart: bool) -> Vec<Lane> {
+        let mut lanes: Vec<(BTreeSet<String>, Lane)> = Vec::new();
         for (place, device) in devices.into_iter().enumerate() {
             let selection = &self.commons[device.common].args.selection;
             let bench = selection.bench.as_ref().map(|bench| format!("the bench {bench}"));
             let simulated = device.target.is_simulation().then(|| "simulated".to_owned());
             let wants = selection.wire().into_iter().chain(bench).chain(simulated);
             let mut wants: BTreeSet<String> = if apart { BTreeSet::new() } else { wants.collect() };
-            let mut lane = Vec::new();
+            let mut lane = Lane::new();
             // Lanes that had nothing in common may both have something with this device.
             let joined = lanes.extract_if(.., |(it, _)| !it.is_disjoint(&wants));
             for (others, mut earlier) in joined.collect::<Vec<_>>() {
