@@ -8,6 +8,7 @@ mod echo;
 mod far_clock;
 pub mod gs_usb;
 mod lines;
+mod names;
 mod port;
 mod program;
 mod python_can;
@@ -29,6 +30,7 @@ use std::sync::Arc;
 use canopen::{Bus, BusError};
 
 use gs_usb::GS_USB;
+use names::is_virtual;
 use program::{OnInterface, OnPipes};
 use python_can::PYTHON_CAN;
 use socketcan::SocketCan;
@@ -243,16 +245,6 @@ const SOCKETCAND: &str = "socketcand:";
 fn is_name(text: &str) -> bool {
     let no = |c: char| c == '/' || c == ':' || c.is_whitespace();
     !text.is_empty() && text.len() < 16 && !text.contains(no)
-}
-
-/// Whether a network interface of Linux has no wire, and no bit rate.
-fn is_virtual(name: &str) -> bool {
-    ["vcan", "vxcan"].iter().any(|kind| name.starts_with(kind))
-}
-
-/// Whether a host, with its port, is this machine.
-fn is_this_machine(host: &str) -> bool {
-    ["localhost:", "127.", "[::1]:"].iter().any(|own| host.starts_with(own))
 }
 
 /// No backend takes this for the name of an interface.

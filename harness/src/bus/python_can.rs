@@ -19,6 +19,7 @@ use runner::stop::Stop;
 use super::echo::{Echoes, Refused};
 use super::far_clock::FarClock;
 use super::lines::{Clock, Ending, Inbox, Lines, Speech, quoted};
+use super::names;
 use super::program::Process;
 use crate::files::words;
 use crate::system;
@@ -92,7 +93,7 @@ impl PythonCan {
     pub(super) fn is_virtual(&self) -> bool {
         match &*self.interface {
             "virtual" | "udp_multicast" => true,
-            "socketcan" => super::is_virtual(&self.channel),
+            "socketcan" => names::is_virtual(&self.channel),
             _ => false,
         }
     }

@@ -17,6 +17,7 @@ use runner::stop::Stop;
 use super::echo::{Echoes, Refused};
 use super::far_clock::{FarClock, Unwrapped};
 use super::lines::{Clock, Ending, Inbox, Lines, Speech, quoted};
+use super::names;
 use super::port::Port;
 use codec::{BELL, BIT_RATES, CR, Flags, Message};
 
@@ -51,7 +52,7 @@ impl Slcan {
     /// Whether the other end is a program on this machine.
     pub(super) fn is_on_this_machine(&self) -> bool {
         match self.place.strip_prefix(TCP) {
-            Some(host) => super::is_this_machine(host),
+            Some(host) => names::is_this_machine(host),
             None => self.place.starts_with("/dev/pts/"),
         }
     }

@@ -22,7 +22,7 @@ use socketcan::{
 use runner::stop::Stop;
 use stamp::Clock;
 
-use super::is_virtual;
+use super::names::is_virtual;
 
 pub use bell::Bell;
 

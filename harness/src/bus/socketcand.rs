@@ -15,6 +15,7 @@ use runner::stop::Stop;
 use super::echo::Echoes;
 use super::far_clock::FarClock;
 use super::lines::{Clock, Ending, Inbox, Lines, Speech, quoted};
+use super::names;
 use super::port::Port;
 use codec::Message;
 
@@ -47,12 +48,12 @@ impl Socketcand {
 
     /// Whether the interface has no wire.
     pub(super) fn is_virtual(&self) -> bool {
-        super::is_virtual(&self.interface)
+        names::is_virtual(&self.interface)
     }
 
     /// Whether the server is on this machine.
     pub(super) fn is_on_this_machine(&self) -> bool {
-        super::is_this_machine(&self.host)
+        names::is_this_machine(&self.host)
     }
 }
 

@@ -1,5 +1,6 @@
 //! An adapter with Lawicel's protocol and a server that speaks as socketcand does, each with
-//! reference devices on its bus, one or with ` & ` between them several. How they read and write is their own, and nothing of the harness.
+//! reference devices on its bus, one or with ` & ` between them several. How they read and write is
+//! their own, and nothing of the harness.
 
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, Read, Write};

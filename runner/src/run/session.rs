@@ -502,7 +502,8 @@ fn shortly(why: &str) -> &str {
     why.split("; ").next().unwrap_or(why)
 }
 
-/// Says what happened to the other nodes of the bus since this was last said. It is nobody's verdict.
+/// Says what happened to the other nodes of the bus since this was last said. It is nobody's
+/// verdict.
 fn say_of_other_nodes(link: &mut Link, when: fmt::Arguments<'_>) {
     for said in link.of_other_nodes() {
         link.emit(Event::Note(Note { at: link.mark(), text: format!("{said}, {when}") }));

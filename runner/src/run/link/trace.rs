@@ -502,6 +502,7 @@ impl<'b> Link<'b> {
             let late = asked.since(due);
             if late > KEEPS_UP {
                 self.behind = Some((asked, late));
+                self.other_nodes.lose();
             }
             if got.is_some() || turn == until {
                 return Ok(got);

@@ -35,7 +35,9 @@ fn a_heartbeat_that_falls_silent_is_said_and_is_no_verdict() {
 
 #[test]
 fn a_node_that_nothing_happens_to_is_not_mentioned() {
-    for steps in ["[ wait: 2 s ]", "[ nmt: reset-node, expect: { frame: '700+n#00' } ]"] {
+    for steps in
+        ["[ wait: 2 s ]", "[ nmt: reset-node, expect: { frame: '700+n#00', within: 5 s } ]"]
+    {
         let ran = run_beside(steps);
         assert_eq!((&ran.notes, verdicts(&ran)), (&Vec::new(), vec![Verdict::Pass]), "{steps}");
     }
