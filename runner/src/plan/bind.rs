@@ -227,8 +227,8 @@ fn bus(dut: &Dut) -> Scope {
 }
 
 /// Node ids that neither the device has, nor a known node of its bus, nor any node that it
-/// monitors, by its data sheet or by what it has stored, with the identifiers of such a node and its
-/// part of an entry of 1016h.
+/// monitors, by its data sheet or by what it has stored, with the identifiers of such a node and
+/// its part of an entry of 1016h.
 pub(crate) fn others(dut: &Dut, stored: &[u8]) -> impl Iterator<Item = (String, Binding)> {
     const NAMES: [&str; 3] = ["other", "second-other", "third-other"];
     let taken: Vec<u8> = dut

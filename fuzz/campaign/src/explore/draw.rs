@@ -283,6 +283,9 @@ impl Draw<'_> {
         {
             stimulus.name = name;
         }
+        if let (Some(_), Then::Wait(micros)) = (&action.bench, action.then) {
+            action.then = Then::after(Duration::from_micros(micros).max(self.shortest()));
+        }
         if let Some(stimulus) = &mut action.bench {
             let known = self.surface.stimuli.iter();
             let place = known.clone().position(|known| known.name == stimulus.name);

@@ -17,7 +17,7 @@ use crate::oracle::{Difference, End, Seen, Violation, What, error_control};
 use crate::surface::Surface;
 
 /// A control cycle: what a device does within it, before or after it notices, nobody knows.
-const CYCLE: Duration = Duration::from_millis(100);
+pub(super) const CYCLE: Duration = Duration::from_millis(100);
 /// By how many nanoseconds everything comes later for the other replicas.
 const SHIFTS: [i64; 2] = [-(CYCLE.as_nanos() as i64), CYCLE.as_nanos() as i64];
 /// The same for a device in a time of its own: what blinks changes within a cycle.

@@ -5,7 +5,8 @@ use std::time::Duration;
 use canopen::Mux;
 use canopen::eds::Term;
 
-use super::Draw;
+use super::super::judge::CYCLE;
+use super::{Draw, LONGEST_ON_BUS};
 use crate::surface::{Setting, Unit, Values};
 
 /// The sorts of values. Each of a few codes is a sort of its own, from 16 on.
@@ -82,10 +83,17 @@ impl Draw<'_> {
         (most.max(1.0) * 10.0).powf(share) / 10.0
     }
 
-    /// A time that is short.
+    /// A time that is short, and long enough for what a device must see.
     pub(super) fn brief(&mut self) -> Duration {
         let times = [2, 5, 20, 20, 100, 100, 300, 1000];
-        Duration::from_millis(times[self.below(times.len())])
+        let time = Duration::from_millis(times[self.below(times.len())]);
+        time.max(self.shortest())
+    }
+
+    /// How long a stimulus lasts at least: nobody knows whether a device in its own time has seen
+    /// what was there for less than a cycle of control.
+    pub(super) fn shortest(&self) -> Duration {
+        if self.longest == LONGEST_ON_BUS { CYCLE * 3 / 2 } else { Duration::ZERO }
     }
 
     pub(super) fn time(&mut self) -> Duration {
