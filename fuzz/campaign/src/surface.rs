@@ -40,8 +40,8 @@ pub struct Surface {
     pub(crate) moving: Vec<Mux>,
     /// The RPDOs as they are by default.
     pub(crate) rpdos: Vec<Pdo>,
-    /// The TPDOs: the index of the communication parameters, and the identifier by default.
-    pub(crate) tpdos: Vec<(u16, u32)>,
+    /// The TPDOs that can be mapped, as they are by default; what they carry is of no interest.
+    pub(crate) tpdos: Vec<Pdo>,
     /// Whether it has layer setting services.
     pub(crate) lss: bool,
     /// What can be read only, with values of its length.
@@ -54,7 +54,7 @@ pub struct Surface {
     bits: BTreeMap<Mux, i64>,
 }
 
-/// An RPDO.
+/// A PDO.
 #[derive(Clone, Debug)]
 pub(crate) struct Pdo {
     /// The object with its communication parameters.
@@ -171,7 +171,8 @@ impl Surface {
         };
         for pdo in 0..eds.device.tpdo_count {
             if let Some(cob) = number(0x1800 + pdo, 1).filter(|_| mappable(0x1A00 + pdo)) {
-                self.tpdos.push((0x1800 + pdo, cob as u32));
+                let (index, cob, fields) = (0x1800 + pdo, cob as u32, Vec::new());
+                self.tpdos.push(Pdo { index, cob, fields, mappable: true });
             }
         }
         for pdo in 0..eds.device.rpdo_count {

@@ -37,19 +37,19 @@ pub(super) fn for_each_event(
     let blocks = Blocks::open(path, LARGEST_JOURNAL).map_err(|error| refused(words(&error)))?;
     let size = std::fs::metadata(path).map_or(0, |known| known.len());
     let (progress, mut read) = (Progress::of(size as usize), 0);
-    let decoded = parallel::stream(blocks, processors(), decoded, |decoded| {
+    let taken = parallel::stream(blocks, processors(), decode, |decoded| {
         let (bytes, events) = decoded?;
         read += bytes;
         progress.says(read, || format!("reads {}", path.display()));
         events.into_iter().try_for_each(|event| event.and_then(|(line, event)| take(line, event)))
     });
-    decoded.map_err(refused)
+    taken.map_err(refused)
 }
 
 /// How many bytes some lines have, and their events with their numbers, or what is wrong with one.
 type Decoded = (usize, Vec<Result<(usize, Event), String>>);
 
-fn decoded(block: io::Result<Block>) -> Result<Decoded, String> {
+fn decode(block: io::Result<Block>) -> Result<Decoded, String> {
     let (first, text) = block.and_then(Block::text).map_err(|error| words(&error))?;
     let events = journal::read(&text).map(|(place, event)| {
         let number = first + place - 1;

@@ -151,9 +151,8 @@ impl Draw<'_> {
             match self.below(steps) {
                 0..=4 => self.plan_transfer(usage, scene),
                 5..=7 => {
-                    let frame = self.sync(Kind::Sync, scene).into_iter().collect::<Vec<_>>();
                     let times = 1 + self.below(burst);
-                    self.passes(Kind::Sync, frame.repeat(times), PAUSE);
+                    self.plan_sync(times, scene);
                 }
                 8..=10 => self.plan_look(usage),
                 11 | 12 => self.plan_change(usage, scene),
@@ -252,9 +251,10 @@ impl Draw<'_> {
         self.plan(Some(reset));
     }
 
-    fn plan_sync(&mut self, scene: Scene<'_>) {
-        let frame = self.sync(Kind::Sync, scene);
-        self.passes(Kind::Sync, frame.into_iter().collect(), PAUSE);
+    /// The next SYNC so many times.
+    fn plan_sync(&mut self, times: usize, scene: Scene<'_>) {
+        let frame = self.sync(Kind::Sync, scene).into_iter().collect::<Vec<_>>();
+        self.passes(Kind::Sync, frame.repeat(times), PAUSE);
     }
 
     /// RPDOs that wait for a SYNC, what happens until it comes, and what they have changed then.
@@ -279,12 +279,12 @@ impl Draw<'_> {
                 2 => self.plan_absence(&usages, scene),
                 _ => {}
             }
-            self.plan_sync(scene);
+            self.plan_sync(1, scene);
             usages.iter().for_each(|usage| self.plan_look(usage));
             if self.chance(30) {
                 // It takes effect once.
                 self.plan_change(usage, scene);
-                self.plan_sync(scene);
+                self.plan_sync(1, scene);
                 self.plan_look(usage);
             }
         }
@@ -295,7 +295,7 @@ impl Draw<'_> {
     fn plan_absence(&mut self, usages: &[Usage], scene: Scene<'_>) {
         let away = self.pick(&[Service::STOP, Service::ENTER_PRE_OPERATIONAL]);
         self.plan_state(away.unwrap_or(Service::STOP));
-        self.plan_sync(scene);
+        self.plan_sync(1, scene);
         usages.iter().for_each(|usage| self.plan_look(usage));
         self.plan_state(Service::START);
     }
@@ -379,8 +379,7 @@ impl Draw<'_> {
             let wait = self.pick(&[500, 3_000, 7_000, 60_000])?;
             self.passes(Kind::Sync, vec![sync], wait);
             self.plan_transfer(&usage, scene);
-            let sync = self.sync(Kind::Sync, scene)?;
-            self.passes(Kind::Sync, vec![sync], PAUSE);
+            self.plan_sync(1, scene);
             self.plan_look(&usage);
         }
         self.planned.pop_front()

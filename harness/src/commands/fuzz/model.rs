@@ -207,12 +207,16 @@ impl Modelled {
         finding: &Finding,
         tries: usize,
     ) -> Option<Finding> {
-        let all = &finding.session.actions;
-        self.shows_in_the_end(campaign, stage, finding, all)?;
+        let (all, attempts) = (&finding.session.actions, 1 + stage.repeats());
+        // A device in its own time may be late once.
+        let in_the_end = |stage: &mut dyn Stage, actions: &[Action]| {
+            (0..attempts).find_map(|_| self.shows(campaign, stage, finding, actions))
+        };
+        in_the_end(stage, all)?;
         let short = shrink(all, tries, &mut |actions| {
             self.shows(campaign, stage, finding, actions).is_some()
         });
-        let shown = self.shows_in_the_end(campaign, stage, finding, &short)?;
+        let shown = in_the_end(stage, &short)?;
         if is_wrong(campaign, &shown) {
             return Some(shown);
         }
@@ -221,20 +225,7 @@ impl Modelled {
             let shown = self.shows(campaign, stage, finding, actions);
             shown.is_some_and(|shown| is_wrong(campaign, &shown))
         });
-        self.shows_in_the_end(campaign, stage, finding, &short)
-    }
-
-    /// What the actions show, when it is the same in one of some attempts: a device in its own time
-    /// may be late once.
-    fn shows_in_the_end(
-        &self,
-        campaign: &Campaign<'_>,
-        stage: &mut dyn Stage,
-        finding: &Finding,
-        actions: &[Action],
-    ) -> Option<Finding> {
-        let attempts = 0..=stage.repeats();
-        attempts.into_iter().find_map(|_| self.shows(campaign, stage, finding, actions))
+        in_the_end(stage, &short)
     }
 
     /// What the actions show, when it is the same.

@@ -148,23 +148,16 @@ impl Draw<'_> {
     /// Maps other objects into a PDO, which may get another identifier, too.
     pub(super) fn map(&mut self) {
         let direction = if self.chance(1, 3) { Direction::Receive } else { Direction::Transmit };
-        let mappable = |pdo: &usize| match direction {
-            Direction::Receive => self.rpdos[*pdo].mappable,
-            Direction::Transmit => true,
-        };
         let all = match direction {
-            Direction::Receive => self.rpdos.len(),
-            Direction::Transmit => self.surface.tpdos.len(),
+            Direction::Receive => &self.rpdos,
+            Direction::Transmit => &self.surface.tpdos,
         };
-        let pdos: Vec<usize> = (0..all).filter(mappable).collect();
+        let pdos: Vec<(u16, u32)> =
+            all.iter().filter(|it| it.mappable).map(|it| (it.index, it.cob)).collect();
         if pdos.is_empty() {
             return;
         }
-        let place = pdos[self.below(pdos.len())];
-        let (index, mut cob) = match direction {
-            Direction::Receive => (self.rpdos[place].index, self.rpdos[place].cob),
-            Direction::Transmit => self.surface.tpdos[place],
-        };
+        let (index, mut cob) = pdos[self.below(pdos.len())];
         let byte = |value: u8| Data::new(&[value]);
         let long = |value: u32| Data::new(&value.to_le_bytes());
         self.download(Kind::ConfigurePdo, Mux::new(index, 1), long(cob | CobId::INVALID));
@@ -182,10 +175,10 @@ impl Draw<'_> {
             cob ^= MOVED;
         }
         self.download(Kind::ConfigurePdo, Mux::new(index, 1), long(cob & !CobId::INVALID));
-        if direction == Direction::Receive {
+        if let Some(pdo) = self.rpdos.iter_mut().find(|it| it.index == index) {
             let bytes = |mux| self.surface.bits(mux) as usize / 8;
-            let fields = entries.iter().map(|(mux, setting)| (*setting, bytes(*mux))).collect();
-            self.rpdos[place] = Pdo { index, cob, fields, mappable: true };
+            pdo.fields = entries.iter().map(|(mux, setting)| (*setting, bytes(*mux))).collect();
+            pdo.cob = cob;
         }
     }
 

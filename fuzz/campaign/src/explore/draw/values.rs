@@ -5,8 +5,8 @@ use std::time::Duration;
 use canopen::Mux;
 use canopen::eds::Term;
 
-use super::super::judge::CYCLE;
 use super::{Draw, LONGEST_ON_BUS};
+use crate::explore::judge::CYCLE;
 use crate::surface::{Setting, Unit, Values};
 
 /// The sorts of values. Each of a few codes is a sort of its own, from 16 on.
@@ -91,7 +91,7 @@ impl Draw<'_> {
     }
 
     /// How long a stimulus lasts at least: nobody knows whether a device in its own time has seen
-    /// what was there for less than a cycle of control.
+    /// what was there for less than a cycle of control. Half a cycle more is for the way to it.
     pub(super) fn shortest(&self) -> Duration {
         if self.longest == LONGEST_ON_BUS { CYCLE * 3 / 2 } else { Duration::ZERO }
     }
