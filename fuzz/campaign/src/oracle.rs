@@ -460,11 +460,26 @@ impl<'b> Oracle<'b> {
             self.release();
         }
         self.known.hears(frame);
+        let open = self.open_process_data(now, frame);
         let sent: Vec<Frame> = self.model.take(now, frame).collect();
+        let od = self.model.dictionary();
+        let given = open.into_iter().filter(|(mux, before)| od.get(*mux).map(Data::new) != *before);
+        self.kept.extend(given.map(|(mux, _)| mux));
         if self.model.state() == NmtState::OPERATIONAL && before != NmtState::OPERATIONAL {
             self.started = now;
         }
         sent.into_iter().try_for_each(|frame| self.expect(now, frame))
+    }
+
+    /// The objects that keep what they are given and have values that only the application knows,
+    /// before a frame that may give them others, and what the model has.
+    fn open_process_data(&mut self, now: Instant, frame: &Frame) -> Vec<(Mux, Option<Data>)> {
+        let all = &self.blueprint.kept().objects;
+        if self.kept.len() == all.len() || !self.identifiers.is_received(frame, &self.model, now) {
+            return Vec::new();
+        }
+        let od = self.model.dictionary();
+        all.difference(&self.kept).map(|mux| (*mux, od.get(*mux).map(Data::new))).collect()
     }
 
     /// The model gets what was held.

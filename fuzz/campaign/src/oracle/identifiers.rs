@@ -6,7 +6,7 @@ use canopen::pdo::{CobId, Mapping};
 use canopen::sdo::RESPONSE_COB_ID;
 use canopen::{Dictionary, Frame, Instant, Mux, emcy, lss};
 
-use super::error_control;
+use super::{SYNC, error_control};
 use crate::model::Model;
 
 /// The service of a frame of the device.
@@ -45,6 +45,8 @@ pub(super) struct Identifiers {
     looked: Option<u64>,
     servers: Vec<u16>,
     emergency: Option<u16>,
+    /// Those of RPDOs and of SYNC.
+    received: Vec<u16>,
     tpdos: Vec<Tpdo>,
     /// TPDOs as they were, and until when.
     former: Vec<(Instant, Tpdo)>,
@@ -52,8 +54,15 @@ pub(super) struct Identifiers {
 
 impl Identifiers {
     pub(super) fn new(node: u8) -> Self {
-        let (servers, tpdos, former) = (Vec::new(), Vec::new(), Vec::new());
-        Self { node, looked: None, servers, emergency: None, tpdos, former }
+        Self {
+            node,
+            looked: None,
+            servers: Vec::new(),
+            emergency: None,
+            received: Vec::new(),
+            tpdos: Vec::new(),
+            former: Vec::new(),
+        }
     }
 
     /// The dictionary is another one.
@@ -92,6 +101,12 @@ impl Identifiers {
         tpdo.map_or(Class::Other, |tpdo| Class::Tpdo(tpdo.clone()))
     }
 
+    /// Whether a frame gives values to the objects that RPDOs map.
+    pub(super) fn is_received(&mut self, frame: &Frame, model: &Model, now: Instant) -> bool {
+        self.look(model.dictionary(), now);
+        frame.data_id().is_some_and(|id| self.received.contains(&id))
+    }
+
     fn look(&mut self, od: &Dictionary, now: Instant) {
         if self.looked.replace(od.changes()) == Some(od.changes()) {
             return;
@@ -112,9 +127,12 @@ impl Identifiers {
             Some(_) => valid(emergency),
             None => Some(predefined),
         };
-        let parameters = od.entries_in(0x1800..=0x19FF).iter().filter(|entry| entry.mux.sub == 1);
-        let tpdos =
-            parameters.filter_map(|entry| Tpdo::new(od, entry.mux.index, valid(entry.mux)?));
+        let parameters = |indices| od.entries_in(indices).iter().filter(|entry| entry.mux.sub == 1);
+        let rpdos = parameters(0x1400..=0x15FF).filter_map(|entry| valid(entry.mux));
+        let sync = od.int(Mux::new(SYNC, 0)).map(|cob| CobId(cob as u32).can_id());
+        self.received = rpdos.chain(sync).collect();
+        let tpdos = parameters(0x1800..=0x19FF)
+            .filter_map(|entry| Tpdo::new(od, entry.mux.index, valid(entry.mux)?));
         self.tpdos = tpdos.collect();
     }
 }
