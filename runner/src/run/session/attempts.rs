@@ -152,6 +152,10 @@ impl Failures {
                 ));
                 Outcome::Flaky { problem, failed, of }
             }
+            (Outcome::Skip(why), Some(_)) => Outcome::Undecided(format!(
+                "it failed in {} attempts, and was left out in the next: {why}",
+                self.count
+            )),
             (outcome, _) => outcome,
         }
     }
@@ -219,6 +223,7 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
             {
                 return finished(outcome, aftermath);
             }
+            None if run.raced && lost + 1 < ATTEMPTS => "a frame came first".to_owned(),
             None => match failures.weigh(outcome, evidence, instance, common.repeats) {
                 Follows::Outcome(outcome) => return finished(outcome, aftermath),
                 Follows::Again => {
