@@ -223,7 +223,6 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
             {
                 return finished(outcome, aftermath);
             }
-            None if run.raced && lost + 1 < ATTEMPTS => "a frame came first".to_owned(),
             None => match failures.weigh(outcome, evidence, instance, common.repeats) {
                 Follows::Outcome(outcome) => return finished(outcome, aftermath),
                 Follows::Again => {

@@ -78,8 +78,6 @@ pub(super) struct CaseRun<'r, 'b> {
     pub bench_snapshot: BenchSnapshot,
     /// How late the tester was, when that may be the reason of the outcome.
     pub late: Option<Duration>,
-    /// Whether it was left out since a frame came first.
-    pub raced: bool,
     /// Where in the trace its steps begin.
     pub steps_from: usize,
     /// Whether an emergency came whose cause an earlier case may have left.
@@ -99,7 +97,6 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             instance,
             bench_snapshot,
             late: None,
-            raced: false,
             steps_from: 0,
             earlier_cause: false,
             commanded: Vec::new(),
@@ -256,7 +253,6 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             at: self.link.mark(),
             outcome: Outcome::Pass,
             declined: None,
-            raced: false,
             late: None,
         };
         if let Fate::Unfit(complaint) = &self.instance.fate {
@@ -321,7 +317,6 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             self.judge_monitors(self.steps_from, &mut result);
         }
         self.late = result.late;
-        self.raced = result.raced;
         self.commanded = self.in_effect(commanded_from, &result.outcome);
         Ok(result.outcome)
     }

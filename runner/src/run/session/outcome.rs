@@ -16,8 +16,6 @@ pub(super) struct CaseOutcome<'r> {
     pub outcome: Outcome,
     /// A permitted refusal of the device, because of which the remaining steps were left out.
     pub declined: Option<String>,
-    /// A frame came in the setup that would not have, had the tester been faster.
-    pub raced: bool,
     /// How late the tester was, when that may be the reason of the outcome.
     pub late: Option<Duration>,
 }

@@ -72,7 +72,6 @@ pub(super) fn run_phase<'s>(
                 return Ok(false);
             }
             Err(Trouble::Declined(what)) if phase == Phase::Setup => {
-                result.raced = matches!(step.value, Step::Never(_));
                 result.outcome =
                     Outcome::Skip(format!("the device refused {what}, which is allowed"));
                 return Ok(false);

@@ -122,28 +122,6 @@ fn what_never_passes_is_a_failure_unless_frames_are_only_missing() {
     }
 }
 
-/// A setup that needs the tester to be faster than the device, which it is from an attempt on.
-#[test]
-fn a_race_is_run_again_before_a_case_is_left_out() {
-    for (won_from, verdict, repeated) in
-        [(1, Verdict::Pass, 0), (3, Verdict::Pass, 2), (9, Verdict::Skip, 3)]
-    {
-        let mut bus = odd(Box::new(move |sent, seen| {
-            let attempt = sent.iter().filter(|frame| **frame == Frame::new(0, [1, NODE])).count();
-            let asked = sent.last().and_then(|frame| frame.data.get(1..4));
-            let is_race = asked == Some(&[0x18, 0x10, 2]) && seen.frame.data_id() == Some(0x581);
-            (!is_race || attempt < won_from).then_some(seen)
-        }));
-        let steps = "[ wait: 1 ms ]\n    setup: [ nmt: start, never: { frame: '581#...', \
-                     or-else: ['581#...'], for: 5 ms, during: { \
-                     frame: '601#40 18 10 02 00 00 00 00', count: 1, every: 1 ms } } ]";
-        let ran = run_shared(&mut bus, 1, steps);
-        assert_eq!(verdicts(&ran), [verdict], "{:?}", ran.notes);
-        let again = ran.notes.iter().filter(|note| note.starts_with("a frame came first")).count();
-        assert_eq!(again, repeated);
-    }
-}
-
 #[test]
 fn a_stranger_is_named_and_not_judged() {
     let stranger = |own: bool| {
