@@ -168,6 +168,8 @@ pub(crate) fn serial_lines() -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
+    use std::process::Stdio;
+
     use super::*;
 
     #[test]
@@ -178,7 +180,8 @@ mod tests {
 
     #[test]
     fn a_process_is_running_until_it_was_waited_for() {
-        let (mut child, group) = start(&mut Command::new("cat")).unwrap();
+        // Its input stays open, so that it does not end by itself.
+        let (mut child, group) = start(Command::new("cat").stdin(Stdio::piped())).unwrap();
         assert!(is_running(child.id()));
         group.end();
         assert_eq!(ended_by(child.wait().unwrap()).as_deref(), Some("SIGKILL"));
