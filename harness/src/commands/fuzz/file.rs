@@ -97,8 +97,12 @@ impl FindingFile {
 
     /// What it is about.
     pub(super) fn words(&self) -> String {
-        let requirements = self.requirements.join("; ");
-        format!("{}: {} ({requirements})", self.cause, self.what)
+        let told = format!("{}: {}", self.cause, self.what);
+        // A finding that no mutant shows names none.
+        match &self.requirements[..] {
+            [] => told,
+            requirements => format!("{told} ({})", requirements.join("; ")),
+        }
     }
 
     /// The requirements of the likeliest mutant.

@@ -2,9 +2,12 @@
 
 use std::time::Duration;
 
+use canopen::emcy::{Emcy, EmcyCode};
 use canopen::monitor::{self, Breach, Seen, Watched};
 use canopen::pdo::CobId;
-use canopen::{Mux, emcy};
+use canopen::sdo::block::BlockRequest;
+use canopen::sdo::{REQUEST_COB_ID, Request};
+use canopen::{Frame, Mux, Stamped, emcy};
 
 use super::case::CaseRun;
 use crate::dut::Dut;
@@ -19,8 +22,14 @@ impl CaseRun<'_, '_> {
     pub(super) fn watch(&self, from: usize) -> Option<Breach> {
         let tolerated = self.instance.case().tolerates.contains(&Tolerated::Emergency);
         let emergency = Some(emcy::COB_ID + u16::from(self.common.dut.node));
-        let waited_for = |seen: &Seen| {
-            let tolerated = tolerated && seen.stamped.frame.data_id() == emergency;
+        // What an application has to say about a value, only its own document tells.
+        let unknown = self.instance.suite.about().is_none();
+        let mut given = false;
+        let mut waited_for = |seen: &Seen| {
+            let Stamped { own, ref frame, .. } = seen.stamped;
+            given |= unknown && own && gives_a_value(frame, self.common.dut.node);
+            let tolerated =
+                frame.data_id() == emergency && (tolerated || given && is_of_application(frame));
             Seen { expected: seen.expected || tolerated, ..*seen }
         };
         let frames = &self.link.trace()[from..];
@@ -44,6 +53,25 @@ impl CaseRun<'_, '_> {
     }
 }
 
+/// Whether a frame gives the application a value: a download of one of its objects, or a PDO.
+fn gives_a_value(frame: &Frame, node: u8) -> bool {
+    match frame.data_id() {
+        Some(id) if id == REQUEST_COB_ID + u16::from(node) => match Request::decode(&frame.data) {
+            Ok(Request::Download(mux, _))
+            | Ok(Request::Block(BlockRequest::Download { mux, .. })) => mux.index >= 0x2000,
+            _ => false,
+        },
+        Some(id) => (0x180..REQUEST_COB_ID - 0x80).contains(&id),
+        None => false,
+    }
+}
+
+/// Whether an emergency message is none about the communication.
+fn is_of_application(frame: &Frame) -> bool {
+    let emcy = Emcy::decode(&frame.data).map(|emcy| emcy.code);
+    emcy.is_ok_and(|EmcyCode(code)| !matches!(code >> 8, 0x81 | 0x82))
+}
+
 /// The identifiers the data sheet gives to TPDOs, SYNC and TIME.
 pub(super) fn data_sheet_identifiers(dut: &Dut) -> Vec<u16> {
     tpdos(dut).chain([SYNC, TIME].into_iter().filter_map(|mux| identifier(dut, mux))).collect()
@@ -62,3 +90,31 @@ fn identifier(dut: &Dut, mux: Mux) -> Option<u16> {
 
 const SYNC: Mux = Mux::new(0x1005, 0);
 const TIME: Mux = Mux::new(0x1012, 0);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_application_may_answer_its_values_with_an_emergency() {
+        let gives = |text: &str| gives_a_value(&text.parse().unwrap(), 5);
+        for value in
+            ["605#2B002000E8FF0000", "605#2101200004000000", "605#C202200004000000", "205#0102"]
+        {
+            assert!(gives(value), "{value}");
+        }
+        for other in [
+            "605#4000200000000000",
+            "605#2B17100064000000",
+            "606#2B00200000000000",
+            "000#0105",
+            "080#",
+            "705#05",
+        ] {
+            assert!(!gives(other), "{other}");
+        }
+        let is_its = |text: &str| is_of_application(&text.parse().unwrap());
+        assert!(is_its("085#0010010000000000") && is_its("085#0000000000000000"));
+        assert!(!is_its("085#3081110000000000") && !is_its("085#1082110000000000"));
+    }
+}
