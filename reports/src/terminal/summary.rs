@@ -178,8 +178,8 @@ fn kept_from(run: &Run, text: &mut String) {
     if limits > 0 {
         let case = plural(limits, "case");
         lines.push(format!(
-            "{limits} {case} did not run because the data sheet states no limits of values \
-             (LowLimit, HighLimit)"
+            "{limits} {case} did not run because the data sheet states no limits (LowLimit, \
+             HighLimit) for an object that could show them"
         ));
     }
     for line in &lines {
