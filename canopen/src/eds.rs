@@ -5,6 +5,9 @@
 //! XDC (CiA 311) is read in the same way. [`write()`] gives the strict form. Text that has no place
 //! in an [`Eds`] survives both as [`unknown`](Eds::unknown).
 //!
+//! The sheet of a modular device describes modules beside objects. [`read_with_modules`] gives the
+//! objects of a device with some of them, and [`read`] those of `[ConnectedModules]`.
+//!
 //! Conclusions from a data sheet, such as the PDOs that a device has or what may be written, belong
 //! to those who draw them.
 
@@ -13,6 +16,7 @@ mod diagnostic;
 mod ini;
 mod lint;
 mod model;
+mod module;
 mod number;
 mod places;
 mod read;
@@ -27,8 +31,9 @@ pub use lint::lint;
 pub use model::{
     Access, DeviceInfo, Direction, Eds, Entry, FileInfo, Object, ObjectKind, Term, UnknownSection,
 };
+pub use module::{Module, Modules};
 pub use places::Places;
-pub use read::{Reading, read};
+pub use read::{Reading, read, read_with_modules};
 pub use text::decode;
 pub use write::write;
 pub use xdd::write_xdd;

@@ -294,18 +294,21 @@ fn any_term(data_type: DataType) -> BoxedStrategy<Term> {
 const SECTIONS: &str = "\
     FileInfo|DeviceInfo|DummyUsage|Comments|MandatoryObjects|OptionalObjects|\
     ManufacturerObjects|1000|1400|1600|2000|2000sub0|2000sub1|2000SUBa|2000Name|2000Value|\
-    2001|2001sub1|M1SubExt|DeviceComissioning|x|1A00";
+    2001|2001sub1|M1SubExt|DeviceComissioning|x|1A00|SupportedModules|ConnectedModules|\
+    ConnectedModules|M1ModuleInfo|M1FixedObjects|M1Fixed2001|M1Fixed2002|M1Fixed2002sub1|\
+    M2Fixed2002|M2Fixed2002sub0|M2Fixed2002Value|M1SubExtends|M1SubExt2000|M1SubExt2003|\
+    m01SubExt2003|M2SubExt2003|M2SubExt1027|1027";
 
 const KEYS: &str = "\
     ParameterName|ObjectType|DataType|AccessType|DefaultValue|LowLimit|HighLimit|PDOMapping|\
     SubNumber|CompactSubObj|ObjFlags|ParameterValue|SupportedObjects|NrOfEntries|1|2|0x3|\
     Lines|Line1|Line3|Dummy0001|BaudRate_50|BaudRate_77|CompactPDO|NrOfRXPDO|NrOfTXPDO|\
-    VendorNumber|FileVersion|Unit|Ärger|DynamicChannelsSupported";
+    VendorNumber|FileVersion|Count|Count|ObjExtend|Unit|Ärger|DynamicChannelsSupported";
 
 const VALUES: &str = "\
     |0|1|7|8|9|2|010|08|0x1|0x5|0x0007|0x8|-1|1.0|1.5|0xFF|0x10L|12h|$NODEID|$nodeid + 5|\
     0x180+$NODEID|$NODEID+0xFFFFFFFF|rw|RO|Const|x|0x7 # why|a;b|0x2000|Größe|01 02 03|0102|\
-    1e400|0x7FC00000|3|4|0x9|0x0F|0x0A|true";
+    1e400|0;1|0;2|254|0x7FC00000|3|4|0x9|0x0F|0x0A|true";
 
 #[test]
 fn short_forms_that_stand_for_too_much_are_refused() {

@@ -66,8 +66,6 @@ codes! {
         "Sections have a meaning in CiA 306; others are kept as they are.";
     UNKNOWN_KEY = Note, "eds-unknown-key",
         "Keys have a meaning in CiA 306; others are kept as they are.";
-    MODULE = Note, "eds-module",
-        "Sections of a modular device are kept and not interpreted.";
     DCF = Note, "eds-dcf",
         "What belongs into a device configuration file is kept and does not change a default.";
 
@@ -109,7 +107,8 @@ codes! {
     LINES = Warning, "eds-lines", "Lines counts the comment lines, which are numbered from 1.";
 
     // Lists of objects
-    LIST_COUNT = Error, "eds-list-count", "SupportedObjects counts the objects of its list.";
+    LIST_COUNT = Error, "eds-list-count",
+        "SupportedObjects counts the objects of its list, and NrOfEntries the entries.";
     LIST_KEY = Error, "eds-list-key", "The keys of a list are 1, 2, 3 and so on.";
     LIST_RANGE = Error, "eds-list-range",
         "2000h to 5FFFh are in ManufacturerObjects, all others are not.";
@@ -149,6 +148,23 @@ codes! {
     COMPACT = Warning, "eds-compact",
         "CompactSubObj and its name and value sections agree with each other.";
     COMPACT_PDO = Note, "eds-compact-pdo", "PDOs that CompactPDO stands for are read as objects.";
+
+    // Modules
+    MODULE = Note, "eds-module",
+        "The sheet of a modular device, or who uses it, says which modules are connected.";
+    MODULE_SECTION = Error, "eds-module-section",
+        "SupportedModules counts the modules; each has a ModuleInfo.";
+    MODULE_INFO = Warning, "eds-module-info",
+        "ModuleInfo names product, version, revision and order code.";
+    MODULE_LIST = Warning, "eds-module-list", "A modular device has 1027h, the list of modules.";
+    MODULE_OBJECT = Error, "eds-module-object",
+        "An object is the device's own, fixed or extended: one of the three. A fixed one is the \
+         same in all modules.";
+    SUB_EXTEND = Error, "eds-sub-extend",
+        "Count says what a module adds to an object: sub-indices, or bits of one that modules \
+         share. The object has room for it.";
+    CONNECTED_MODULE = Error, "eds-connected-module",
+        "ConnectedModules names modules that there are, 254 at most.";
 
     // The device as a whole
     MANDATORY_OBJECT = Error, "eds-mandatory-object", "1000h, 1001h and 1018h are there.";

@@ -1,11 +1,15 @@
 //! Sections and keys with their positions. Diagnostics need the columns and the second of two equal
 //! keys, and an INI library would keep neither.
 
+mod name;
+
 use std::collections::HashMap;
 
 use super::codes;
 use super::diagnostic::Findings;
 use crate::source::Place;
+
+pub(super) use name::{List, ModulePart, Name, Part};
 
 /// A section and its keys.
 #[derive(Debug)]
@@ -41,98 +45,6 @@ impl<'a> Section<'a> {
     pub(super) fn filled(&self, name: &str) -> Option<&Key<'a>> {
         self.key(name).filter(|key| !key.value.is_empty())
     }
-}
-
-/// The subject of a section. Sections are read in this order, so that the sections of one object
-/// stand together.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Name {
-    FileInfo,
-    DeviceInfo,
-    DummyUsage,
-    Comments,
-    Objects(List),
-    Object(u16, Part),
-    Other,
-}
-
-/// The three lists of objects.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum List {
-    Mandatory,
-    Optional,
-    Manufacturer,
-}
-
-impl List {
-    /// The list that contains an object: device type, error register and identity are mandatory.
-    pub(super) const fn of(index: u16) -> Self {
-        match index {
-            0x1000 | 0x1001 | 0x1018 => Self::Mandatory,
-            0x2000..0x6000 => Self::Manufacturer,
-            _ => Self::Optional,
-        }
-    }
-
-    pub(super) const fn title(self) -> &'static str {
-        match self {
-            Self::Mandatory => "MandatoryObjects",
-            Self::Optional => "OptionalObjects",
-            Self::Manufacturer => "ManufacturerObjects",
-        }
-    }
-}
-
-/// The part of an object that a section describes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Part {
-    Head,
-    Sub(u8),
-    Names,
-    Values,
-}
-
-impl Name {
-    pub(super) fn of(title: &str) -> Self {
-        match Self::object(title) {
-            Some((index, part)) => Self::Object(index, part),
-            None => NAMED
-                .iter()
-                .find(|(name, _)| name.eq_ignore_ascii_case(title))
-                .map_or(Self::Other, |(_, name)| *name),
-        }
-    }
-
-    fn object(title: &str) -> Option<(u16, Part)> {
-        let (index, part) = title.split_at_checked(4)?;
-        let index = hex(index)? as u16;
-        let part = match part.split_at_checked(3) {
-            None if part.is_empty() => Part::Head,
-            Some((word, digits)) if word.eq_ignore_ascii_case("sub") && digits.len() <= 2 => {
-                Part::Sub(hex(digits)? as u8)
-            }
-            _ if part.eq_ignore_ascii_case("Name") => Part::Names,
-            _ if part.eq_ignore_ascii_case("Value") => Part::Values,
-            _ => return None,
-        };
-        Some((index, part))
-    }
-
-    /// How the name is written; `None` for names of which we do not know the meaning.
-    pub(super) fn canonical(self) -> Option<String> {
-        match self {
-            Self::Object(index, Part::Head) => Some(format!("{index:04X}")),
-            Self::Object(index, Part::Sub(sub)) => Some(format!("{index:04X}sub{sub:X}")),
-            Self::Object(index, Part::Names) => Some(format!("{index:04X}Name")),
-            Self::Object(index, Part::Values) => Some(format!("{index:04X}Value")),
-            _ => NAMED.iter().find(|(_, name)| *name == self).map(|(title, _)| (*title).to_owned()),
-        }
-    }
-}
-
-fn hex(digits: &str) -> Option<u32> {
-    let all = !digits.is_empty() && digits.bytes().all(|digit| digit.is_ascii_hexdigit());
-    all.then(|| u32::from_str_radix(digits, 16).ok()).flatten()
 }
 
 /// The sections of `text`, sorted by name; those that CiA 306 does not name keep their order.
@@ -274,6 +186,7 @@ fn check_spelling(title: &str, name: Name, at: Place, findings: &mut Findings) {
             let sub = !matches!(part, Part::Sub(_)) || title.get(7..).is_some_and(capitals);
             digits && index && sub
         }
+        Name::Module(..) => name.canonical().is_some_and(|usual| usual.eq_ignore_ascii_case(title)),
         _ => true,
     };
     if !(usual && title.trim_ascii() == title) && name != Name::Other {
@@ -357,16 +270,6 @@ const USUAL_KEYS: usize = 10;
 /// Up to this many keys are compared each with each, which is faster than hashing.
 const FEW_KEYS: usize = 16;
 
-const NAMED: [(&str, Name); 7] = [
-    ("FileInfo", Name::FileInfo),
-    ("DeviceInfo", Name::DeviceInfo),
-    ("DummyUsage", Name::DummyUsage),
-    ("Comments", Name::Comments),
-    ("MandatoryObjects", Name::Objects(List::Mandatory)),
-    ("OptionalObjects", Name::Objects(List::Optional)),
-    ("ManufacturerObjects", Name::Objects(List::Manufacturer)),
-];
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -386,25 +289,6 @@ mod tests {
             out += "\n";
         }
         (out, findings.finish().iter().map(ToString::to_string).collect())
-    }
-
-    #[test]
-    fn names_of_sections() {
-        let object = |index, part| Name::Object(index, part);
-        for (title, name) in [
-            ("fileinfo", Name::FileInfo),
-            ("1018", object(0x1018, Part::Head)),
-            ("1a00SUBfe", object(0x1A00, Part::Sub(0xFE))),
-            ("1003Name", object(0x1003, Part::Names)),
-            ("1003value", object(0x1003, Part::Values)),
-            ("1018sub", Name::Other),
-            ("1018sub100", Name::Other),
-            ("+018", Name::Other),
-            ("10é", Name::Other),
-            ("1018ObjectLinks", Name::Other),
-        ] {
-            assert_eq!(Name::of(title), name, "{title}");
-        }
     }
 
     #[test]

@@ -6,6 +6,8 @@
 mod object;
 mod pdo;
 
+use std::collections::BTreeSet;
+
 use super::codes::{self, Code};
 use super::diagnostic::{Diagnostic, Findings};
 use super::ini::{List, Name, Part, Section};
@@ -18,13 +20,19 @@ use crate::value::Value;
 /// columns; here a line is that of the section, and 0 if the data sheet comes from no file.
 pub fn lint(eds: &Eds) -> Vec<Diagnostic> {
     let mut findings = Findings::default();
-    check(eds, &[], &mut findings);
+    check(eds, &[], &BTreeSet::new(), &mut findings);
     findings.finish()
 }
 
-/// Checks what was read from `sections`, which are sorted; none when it comes from no file.
-pub(super) fn check(eds: &Eds, sections: &[Section<'_>], findings: &mut Findings) {
-    let mut lint = Lint { eds, sections, findings };
+/// Checks what was read from `sections`, which are sorted; none when it comes from no file. Modules
+/// may add the objects `of_modules`.
+pub(super) fn check(
+    eds: &Eds,
+    sections: &[Section<'_>],
+    of_modules: &BTreeSet<u16>,
+    findings: &mut Findings,
+) {
+    let mut lint = Lint { eds, sections, of_modules, findings };
     lint.mandatory();
     lint.identity();
     for object in &eds.objects {
@@ -36,6 +44,7 @@ pub(super) fn check(eds: &Eds, sections: &[Section<'_>], findings: &mut Findings
 struct Lint<'e, 's, 'a> {
     eds: &'e Eds,
     sections: &'s [Section<'a>],
+    of_modules: &'s BTreeSet<u16>,
     findings: &'s mut Findings,
 }
 
@@ -109,8 +118,18 @@ impl Lint<'_, '_, '_> {
         self.place(section, Some(key))
             .or_else(|| self.place(section, None))
             .or_else(|| self.place(short, Some(&sub.to_string())).filter(|_| key == DEFAULT))
+            .or_else(|| self.module_place(entry.line, key))
             .or_else(|| self.place(head, Some(key)))
             .unwrap_or_else(|| Place::of_line(entry.line))
+    }
+
+    /// Where the section of a module in that line says `key`, or where it starts.
+    fn module_place(&self, line: usize, key: &str) -> Option<Place> {
+        let first = self.sections.partition_point(|section| section.name < Name::SupportedModules);
+        let section = self.sections[first..]
+            .iter()
+            .find(|section| matches!(section.name, Name::Module(..)) && section.at.line == line)?;
+        Some(section.key(key).map_or(section.at, |key| key.at))
     }
 
     /// Where a section starts, or where the value of one of its keys does.

@@ -12,6 +12,8 @@ use crate::source::Place;
 #[derive(Debug, Default)]
 pub struct Places {
     sections: BTreeMap<Name, Lines>,
+    /// The sections of modules, by their lines.
+    of_modules: BTreeMap<usize, Lines>,
 }
 
 #[derive(Debug)]
@@ -36,7 +38,18 @@ impl Places {
             keys: section.keys.iter().map(|key| (key.name.to_owned(), key.name_at)).collect(),
         };
         let objects = sections.iter().filter(|section| matches!(section.name, Name::Object(..)));
-        Self { sections: objects.map(|section| (section.name, lines(section))).collect() }
+        let modules = sections.iter().filter(|section| matches!(section.name, Name::Module(..)));
+        Self {
+            sections: objects.map(|section| (section.name, lines(section))).collect(),
+            of_modules: modules.map(|section| (section.at.line, lines(section))).collect(),
+        }
+    }
+
+    /// Where the section of a module in that line says `key`; when it does not, or without a key,
+    /// where it starts.
+    pub fn of_module(&self, line: usize, key: Option<&str>) -> Option<Place> {
+        let section = self.of_modules.get(&line)?;
+        Some(key.and_then(|key| section.key(key)).unwrap_or(section.at))
     }
 
     /// Where the sheet says `key` of an entry; when it does not, or without a key, where it speaks
@@ -64,6 +77,19 @@ impl Lines {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_key_of_the_section_of_a_module() {
+        let places = Places::of("[1000]\n[M1SubExt6000]\nDataType=5\n Count=1\n");
+        for (line, key, place) in [
+            (2, Some("Count"), Some(Place::new(4, 2))),
+            (2, Some("LowLimit"), Some(Place::new(2, 1))),
+            (2, None, Some(Place::new(2, 1))),
+            (1, None, None),
+        ] {
+            assert_eq!(places.of_module(line, key), place, "{line} {key:?}");
+        }
+    }
 
     #[test]
     fn a_key_its_section_or_nothing() {

@@ -4,9 +4,13 @@
 //! together belongs to [`lint`](super::lint).
 
 mod compact;
+mod connect;
 mod info;
 mod lists;
+mod modules;
 mod object;
+
+use std::collections::BTreeSet;
 
 use super::codes;
 use super::codes::Severity;
@@ -14,6 +18,7 @@ use super::diagnostic::{Diagnostic, Findings};
 use super::ini::{self, Key, List, Name, Part, Section};
 use super::lint;
 use super::model::{Eds, Term, UnknownSection};
+use super::module::Modules;
 use super::text;
 use super::value;
 use super::xdd::{self, Transcript};
@@ -25,6 +30,8 @@ use crate::value::DataType;
 pub struct Reading {
     /// The description, as complete as the text allows.
     pub eds: Eds,
+    /// The modules, of which the description has those that are connected.
+    pub modules: Modules,
     /// The findings, in the order of the text.
     pub diagnostics: Vec<Diagnostic>,
 }
@@ -39,7 +46,16 @@ impl Reading {
 /// Reads a data sheet in any encoding, however far it is from CiA 306. Every deviation becomes a
 /// diagnostic, and text that is not understood is kept as [`unknown`](Eds::unknown). The
 /// diagnostics of [`lint`](super::lint) are among those returned.
+///
+/// With `[ConnectedModules]` the description is that of a device with these modules, and what
+/// describes modules has become objects. Without, it is that of a device without modules.
 pub fn read(source: &[u8]) -> Reading {
+    read_with_modules(source, None)
+}
+
+/// The same with the numbers of the modules at places 1, 2, 3 and so on, which take the place of
+/// `[ConnectedModules]`. Numbers that no module has are left out.
+pub fn read_with_modules(source: &[u8], connected: Option<&[u16]>) -> Reading {
     let mut findings = Findings::default();
     let text = text::decode_with(source, &mut findings);
     let transcript;
@@ -48,7 +64,7 @@ pub fn read(source: &[u8]) -> Reading {
         findings = Findings::default();
         transcript = Transcript::of(&text, &mut findings);
         if transcript.is_empty() {
-            return Reading { eds: Eds::default(), diagnostics: findings.finish() };
+            return Reading { diagnostics: findings.finish(), ..Reading::default() };
         }
         transcript.sections(&mut findings)
     } else {
@@ -56,21 +72,23 @@ pub fn read(source: &[u8]) -> Reading {
     };
     let mut reader = Reader { eds: Eds::default(), findings, compact_pdo: None, expanded: 0 };
     reader.check_sections(&sections);
-    let objects = sections.partition_point(|section| section.name < FIRST_OBJECT);
-    let others = sections.partition_point(|section| section.name < Name::Other);
+    let place = |name| sections.partition_point(|section| section.name < name);
+    let (objects, modules) = (place(FIRST_OBJECT), place(Name::SupportedModules));
+    let others = place(Name::Other);
     for section in &sections[..objects] {
         reader.info(section);
     }
     let listed = reader.lists(&sections[..objects]);
-    reader.objects(&sections[objects..others]);
+    reader.objects(&sections[objects..modules]);
     for section in &sections[others..] {
         reader.other(section);
     }
     reader.check_lists(listed);
+    let (modules, of_modules) = reader.with_modules(&sections[modules..others], connected);
     reader.compact_pdos();
     reader.sort_unknown();
-    lint::check(&reader.eds, &sections, &mut reader.findings);
-    Reading { eds: reader.eds, diagnostics: reader.findings.finish() }
+    lint::check(&reader.eds, &sections, &of_modules, &mut reader.findings);
+    Reading { eds: reader.eds, modules, diagnostics: reader.findings.finish() }
 }
 
 struct Reader {
@@ -99,9 +117,39 @@ impl Reader {
             Name::DeviceInfo => self.device_info(section),
             Name::DummyUsage => self.dummy_usage(section),
             Name::Comments => self.comments(section),
-            // Read afterwards, all three together.
-            Name::Objects(_) | Name::Object(..) | Name::Other => {}
+            // Read afterwards, those of one kind together.
+            _ => {}
         }
+    }
+
+    /// Reads what describes modules, and adds those that are connected. Gives the objects that
+    /// modules can have, too.
+    fn with_modules(
+        &mut self,
+        sections: &[Section<'_>],
+        connected: Option<&[u16]>,
+    ) -> (Modules, BTreeSet<u16>) {
+        let (described, of_sheet) = self.modules(sections);
+        let connected = connected.map(<[u16]>::to_vec).or(of_sheet);
+        let supported: Vec<_> = described.iter().map(|described| described.as_module()).collect();
+        let mut modules = Modules { supported, connected, ..Modules::default() };
+        match &modules.connected {
+            Some(connected) if !described.is_empty() => {
+                modules.entries = self.connect(&described, connected);
+            }
+            _ => {
+                if let Some(first) = sections.first().filter(|_| !described.is_empty()) {
+                    let message = "the sheet does not say which modules are connected; the \
+                                   objects are those of a device without modules";
+                    self.findings.add(&codes::MODULE, first.at, message);
+                }
+                for section in sections {
+                    self.keep(section.title.to_owned(), section.keys.iter());
+                }
+            }
+        }
+        let objects = described.iter().flat_map(|described| described.indices());
+        (modules, objects.collect())
     }
 
     /// Keeps a section that has no place in the description.
@@ -109,11 +157,6 @@ impl Reader {
         let title = section.title;
         let (code, message) = if is_one_of(title, &COMMISSIONING) {
             (&codes::DCF, format!("section [{title}] belongs into a DCF"))
-        } else if is_one_of(title, &MODULES) || is_module(title) {
-            (
-                &codes::MODULE,
-                "the section describes a module; it is kept and not interpreted".to_owned(),
-            )
         } else if is_one_of(title, &KNOWN_OTHERS) || is_tool(title) {
             return self.keep(title.to_owned(), section.keys.iter());
         } else {
@@ -179,13 +222,6 @@ fn is_one_of(text: &str, names: &[&str]) -> bool {
     names.iter().any(|name| name.eq_ignore_ascii_case(text))
 }
 
-fn is_module(title: &str) -> bool {
-    let rest = title.strip_prefix(['M', 'm']).unwrap_or_default();
-    let name = rest.trim_start_matches(|c: char| c.is_ascii_digit());
-    let module = ["ModuleInfo", "Comments", "FixedObjects", "FixedObj", "SubExtends", "SubExt"];
-    name.len() < rest.len() && module.iter().any(|word| starts_with(name, word))
-}
-
 /// Sections of CiA 306 that say nothing about the dictionary.
 fn is_tool(title: &str) -> bool {
     let digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
@@ -201,8 +237,6 @@ const FIRST_OBJECT: Name = Name::Object(0, Part::Head);
 
 /// The first spelling is that of CiA 306.
 const COMMISSIONING: [&str; 2] = ["DeviceComissioning", "DeviceCommissioning"];
-
-const MODULES: [&str; 2] = ["SupportedModules", "ConnectedModules"];
 
 const KNOWN_OTHERS: [&str; 2] = ["DynamicChannels", "Tools"];
 

@@ -163,6 +163,10 @@ impl<'e> Lint<'e, '_, '_> {
             return;
         }
         let Some(entry) = self.eds.entry(mux) else {
+            // A device that has more modules has it.
+            if self.of_modules.contains(&mux.index) {
+                return;
+            }
             let message = format!("{}: the mapped object {mux} does not exist", at.mux);
             return self.add_at(&codes::MAPPING_OBJECT, at, DEFAULT, message);
         };

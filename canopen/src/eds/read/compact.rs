@@ -18,14 +18,22 @@ impl Reader {
             self.findings.add(&codes::COMPACT, self.key_place(head, "CompactSubObj"), message);
             count = 0xFE;
         }
-        let spent = self.expanded + usize::from(count);
-        if spent > MANY_SUBS {
+        if !self.may_expand(count) {
             let message = format!("the short forms describe more than {MANY_SUBS} sub-indices");
             self.findings.add(&codes::COMPACT, head.at, message);
             return 0;
         }
-        self.expanded = spent;
         count
+    }
+
+    /// Counts subs that no section of their own describes; false when they are too many.
+    pub(super) fn may_expand(&mut self, count: u8) -> bool {
+        let expanded = self.expanded + usize::from(count);
+        let may = expanded <= MANY_SUBS;
+        if may {
+            self.expanded = expanded;
+        }
+        may
     }
 
     /// Makes the subs a head stands for.
@@ -162,14 +170,20 @@ fn mapping(pdo: &str, index: u16, granularity: u8, at: Place) -> Object {
     Object { index, name, kind: ObjectKind::RECORD, flags: None, entries, line }
 }
 
-/// Sub 0 of an object in a short form.
-fn number_of_subs(mux: Mux, count: u8, line: usize) -> Entry {
+/// Sub 0 of an object whose sections do not describe it.
+pub(super) fn number_of_subs(mux: Mux, count: u8, line: usize) -> Entry {
     let default = Some(Term::fixed(Value::Int(count.into())));
     let name = "NrOfObjects".to_owned();
     Entry { access: Access::Ro, ..made(mux, name, DataType::UNSIGNED8, default, line) }
 }
 
-fn made(mux: Mux, name: String, data_type: DataType, default: Option<Term>, line: usize) -> Entry {
+pub(super) fn made(
+    mux: Mux,
+    name: String,
+    data_type: DataType,
+    default: Option<Term>,
+    line: usize,
+) -> Entry {
     let (low, high) = (None, None);
     Entry { mux, name, data_type, access: Access::Rw, mappable: false, default, low, high, line }
 }

@@ -143,6 +143,13 @@ impl Reader {
     }
 
     pub(super) fn comments(&mut self, section: &Section<'_>) {
+        let (lines, kept) = self.comment_lines(section);
+        self.eds.comments = lines;
+        self.keep_keys(section.name, kept);
+    }
+
+    /// The lines of comments, and the keys that are none.
+    pub(super) fn comment_lines(&mut self, section: &Section<'_>) -> (Vec<String>, Kept) {
         let line = |name: &str| numbered(name, "Line");
         let kept = self.others(section, |name| line(name).is_some() || is_one_of(name, &["Lines"]));
         let numbers = section.keys.iter().filter_map(|key| Some((line(key.name)?, key.value)));
@@ -168,8 +175,7 @@ impl Reader {
                 "the comment lines are not numbered from 1",
             );
         }
-        self.eds.comments = lines.into_iter().map(|(_, line)| line.to_owned()).collect();
-        self.keep_keys(section.name, kept);
+        (lines.into_iter().map(|(_, line)| line.to_owned()).collect(), kept)
     }
 }
 

@@ -1,8 +1,8 @@
 //! The lists of objects, and whether they are correct.
 
-use super::{Reader, is_one_of};
+use super::{Kept, Reader, is_one_of};
 use crate::eds::codes;
-use crate::eds::ini::{List, Name, Section};
+use crate::eds::ini::{Key, List, Name, Section};
 use crate::eds::value;
 use crate::source::Place;
 
@@ -26,40 +26,48 @@ impl Reader {
     }
 
     fn list(&mut self, section: &Section<'_>, list: List, listed: &mut Vec<Listed>) {
-        let kept = self.others(section, |name| {
-            place_in_list(name).is_some() || is_one_of(name, &["SupportedObjects"])
-        });
-        let mut places = Vec::with_capacity(section.keys.len());
-        for key in &section.keys {
-            let Some(place) = place_in_list(key.name) else { continue };
-            places.push((place, key.name_at));
-            if let Some(index) = value::unsigned(key, u16::MAX.into(), &mut self.findings) {
+        let (keys, kept) = self.list_keys(section, "SupportedObjects");
+        for key in keys {
+            if let Some(index) = value::unsigned(&key, u16::MAX.into(), &mut self.findings) {
                 listed.push(Listed { index: index as u16, list, at: key.at });
             }
-        }
-        self.check_count(section, places.len() as u64);
-        places.sort_unstable();
-        if let Some((expected, &(_, at))) =
-            (1..).zip(&places).find(|(expected, (place, _))| expected != place)
-        {
-            let message =
-                format!("section [{}] has no key {expected} before this one", list.title());
-            self.findings.add(&codes::LIST_KEY, at, message);
         }
         self.keep_keys(section.name, kept);
     }
 
-    fn check_count(&mut self, section: &Section<'_>, there_are: u64) {
-        let Some(key) = section.filled("SupportedObjects") else {
-            let message = format!("section [{}] lacks SupportedObjects", section.title);
+    /// The numbered keys of a list in their order, and those that have no place; checks that
+    /// `count` is the number of them.
+    pub(super) fn list_keys<'a>(
+        &mut self,
+        section: &Section<'a>,
+        count: &str,
+    ) -> (Vec<Key<'a>>, Kept) {
+        let kept =
+            self.others(section, |name| place_in_list(name).is_some() || is_one_of(name, &[count]));
+        let placed = |key: &Key<'a>| Some((place_in_list(key.name)?, *key));
+        let mut keys: Vec<_> = section.keys.iter().filter_map(placed).collect();
+        self.check_count(section, count, keys.len() as u64);
+        keys.sort_by_key(|(place, key)| (*place, key.name_at));
+        let gap = (1..).zip(&keys).find(|(expected, (place, _))| expected != place);
+        if let Some((expected, (_, key))) = gap {
+            let message =
+                format!("section [{}] has no key {expected} before this one", section.title);
+            self.findings.add(&codes::LIST_KEY, key.name_at, message);
+        }
+        (keys.into_iter().map(|(_, key)| key).collect(), kept)
+    }
+
+    fn check_count(&mut self, section: &Section<'_>, count: &str, there_are: u64) {
+        let Some(key) = section.filled(count) else {
+            let message = format!("section [{}] lacks {count}", section.title);
             self.findings.add(&codes::LIST_COUNT, section.at, message);
             return;
         };
-        let count = value::unsigned(key, u64::MAX, &mut self.findings);
-        if let Some(count) = count
-            && count != there_are
+        let stated = value::unsigned(key, u64::MAX, &mut self.findings);
+        if let Some(stated) = stated
+            && stated != there_are
         {
-            let message = format!("SupportedObjects is {count} instead of {there_are}");
+            let message = format!("{count} is {stated} instead of {there_are}");
             self.findings.add(&codes::LIST_COUNT, key.at, message);
         }
     }

@@ -321,7 +321,7 @@ impl Reader {
         Access::Ro
     }
 
-    fn name(&mut self, section: &Section<'_>) -> String {
+    pub(super) fn name(&mut self, section: &Section<'_>) -> String {
         let Some(key) = section.filled("ParameterName") else {
             let message = format!("section [{}] has no ParameterName", section.title);
             self.findings.add(&codes::NAME_MISSING, section.at, message);
@@ -342,11 +342,11 @@ impl Reader {
 }
 
 /// Keys that describe an object.
-const HEAD_KEYS: [&str; 5] =
+pub(super) const HEAD_KEYS: [&str; 5] =
     ["ParameterName", "ObjectType", "SubNumber", "ObjFlags", "CompactSubObj"];
 
 /// Keys that describe a value.
-const VALUE_KEYS: [&str; 8] = [
+pub(super) const VALUE_KEYS: [&str; 8] = [
     "ParameterName",
     "ObjectType",
     "DataType",
