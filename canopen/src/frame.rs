@@ -7,7 +7,7 @@ use std::str::FromStr;
 /// A CAN identifier: 11 bits, or 29 bits when it is extended.
 ///
 /// Ordered as the wire arbitrates: the smaller one wins (ISO 11898-1).
-#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub struct Id(u32);
 
 impl Id {
@@ -47,6 +47,12 @@ impl Id {
         } else {
             self.0 << 19
         }
+    }
+}
+
+impl From<u16> for Id {
+    fn from(id: u16) -> Self {
+        Self::standard(id)
     }
 }
 
@@ -155,21 +161,27 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A data frame with an 11-bit identifier.
-    pub fn new(id: u16, data: impl Into<Data>) -> Self {
-        Self { id: Id::standard(id), data: data.into(), remote: false }
+    /// A data frame. A number is an 11-bit identifier.
+    pub fn new(id: impl Into<Id>, data: impl Into<Data>) -> Self {
+        Self { id: id.into(), data: data.into(), remote: false }
     }
 
-    /// A remote frame with an 11-bit identifier that asks for `len` bytes.
-    pub fn remote(id: u16, len: u8) -> Self {
+    /// A remote frame that asks for `len` bytes. A number is an 11-bit identifier.
+    pub fn remote(id: impl Into<Id>, len: u8) -> Self {
         let data = Data { bytes: [0; 8], len: len.min(8) };
-        Self { id: Id::standard(id), data, remote: true }
+        Self { id: id.into(), data, remote: true }
     }
 
-    /// The 11-bit identifier of a data frame; `None` for remote and 29-bit frames. Every CANopen
-    /// service but node guarding uses it.
+    /// The 11-bit identifier of a data frame; `None` for remote and 29-bit frames. Every service of
+    /// the pre-defined connection set but node guarding uses it (CiA 301, 7.3.3).
     pub fn data_id(&self) -> Option<u16> {
         if self.remote { None } else { self.id.as_standard() }
+    }
+
+    /// The identifier of a data frame, of 11 or 29 bits; `None` for remote frames. A service whose
+    /// identifier an object holds may use either (CiA 301, 7.5.2.35).
+    pub const fn any_data_id(&self) -> Option<Id> {
+        if self.remote { None } else { Some(self.id) }
     }
 }
 

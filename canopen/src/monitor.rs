@@ -9,7 +9,7 @@ use std::time::Duration;
 use crate::abort::Abort;
 use crate::bus::Stamped;
 use crate::emcy::{self, Emcy, EmcyCode};
-use crate::frame::Frame;
+use crate::frame::{Frame, Id};
 use crate::heartbeat::{self, ErrorControl};
 use crate::lss;
 use crate::mux::Mux;
@@ -94,9 +94,9 @@ pub struct Watched {
     pub node: u8,
     /// The identifiers it may use beside those of the predefined connection set; `None` where
     /// others share its bus, since a frame does not say who sent it.
-    pub known: Option<Vec<u16>>,
+    pub known: Option<Vec<Id>>,
     /// The identifiers of its TPDOs.
-    pub tpdos: Vec<u16>,
+    pub tpdos: Vec<Id>,
     /// The errors that it had before the first case.
     pub standing: Standing,
     /// How late a frame may be because others are on a slow wire; there, each frame of the tester
@@ -322,15 +322,16 @@ fn initiated(request: Request) -> Option<Mux> {
     }
 }
 
-/// No identifier but those the node owns, as far as no other node can be the sender.
+/// No identifier but those the node owns, as far as no other node can be the sender. One of 29 bits
+/// tells nothing about the sender.
 struct KnownIdentifiers {
     node: u8,
-    known: Vec<u16>,
+    known: Vec<Id>,
 }
 
 /// Whether a device with this node id may use the identifier, or one with another node id does by
 /// default; `known` are those that its data sheet gives it.
-pub fn is_anybodys(id: u16, node: u8, known: &[u16]) -> bool {
+pub fn is_anybodys(id: u16, node: u8, known: &[Id]) -> bool {
     let (function, of) = (id & 0x780, id & 0x7F);
     let node = u16::from(node);
     let own = [emcy::COB_ID, sdo::RESPONSE_COB_ID, heartbeat::COB_ID].map(|base| base + node);
@@ -338,11 +339,11 @@ pub fn is_anybodys(id: u16, node: u8, known: &[u16]) -> bool {
     let of_another =
         of != node && of != 0 && matches!(function, 0x080 | 0x180..=0x580 | 0x600 | 0x700);
     let lss = id == lss::RESPONSE_COB_ID;
-    own.contains(&id) || default_pdo || lss || known.contains(&id) || of_another
+    own.contains(&id) || default_pdo || lss || known.contains(&id.into()) || of_another
 }
 
 /// The identifier that a request gives a service of the node.
-pub fn given(frame: &Frame, node: u8) -> Option<u16> {
+pub fn given(frame: &Frame, node: u8) -> Option<Id> {
     let (_, value) = sdo::written(frame, node).filter(|(mux, _)| holds_cob_id(*mux))?;
     value.first_chunk().map(|cob_id| CobId(u32::from_le_bytes(*cob_id)).can_id())
 }
@@ -481,7 +482,7 @@ impl Monitor for SilentWhenStopped {
 struct NoPdoOutsideOperational {
     node: u8,
     /// The identifiers of its TPDOs.
-    tpdos: Vec<u16>,
+    tpdos: Vec<Id>,
     slack: Duration,
     /// When it said last that it is in this state, unless something came that may change it.
     said: Option<(Instant, NmtState)>,
@@ -500,8 +501,8 @@ impl Monitor for NoPdoOutsideOperational {
         if own && commanded(&frame, self.node).is_some() {
             (self.said, self.sent) = (None, None);
         }
-        let Some(id) = incoming(seen) else { return Ok(()) };
-        if id == heartbeat::COB_ID + u16::from(self.node) {
+        let Some(id) = frame.any_data_id().filter(|_| !own) else { return Ok(()) };
+        if id == Id::standard(heartbeat::COB_ID + u16::from(self.node)) {
             let state = ErrorControl::decode(&frame.data).ok().map(|report| report.state);
             let state = state
                 .filter(|state| [NmtState::PRE_OPERATIONAL, NmtState::STOPPED].contains(state));
@@ -548,8 +549,9 @@ mod tests {
     }
 
     fn breaches_of(watched: Watched, lines: &[&str]) -> Vec<String> {
-        let known = Some(vec![0x333]);
-        let mut monitors = all(Watched { node: 5, known, tpdos: vec![0x185], ..watched });
+        let known = Some(vec![Id::standard(0x333)]);
+        let mut monitors =
+            all(Watched { node: 5, known, tpdos: vec![Id::standard(0x185)], ..watched });
         let mut found = Vec::new();
         for line in lines {
             let (ms, text) = line.split_once(' ').unwrap();
@@ -672,6 +674,9 @@ mod tests {
         assert_eq!(breaches(&["1 185#00", "2 333#00", "3 706#05", "4 385#"]), [""; 0]);
         let moved = ["1 >605#230018010A010000", "2 10A#00", "3 10B#00"];
         assert_eq!(breaches(&moved), ["no identifier that the node does not own: 10Bh"]);
+        // A COB-ID of 29 bits gives no identifier of 11 bits.
+        let long = ["1 >605#230018010A010020", "2 0000010A#00", "3 10A#00"];
+        assert_eq!(breaches(&long), ["no identifier that the node does not own: 10Ah"]);
         assert_eq!(
             breaches(&["1 123#00", "2 10A#00"]),
             [

@@ -3,7 +3,7 @@
 
 use std::fmt;
 
-use crate::frame::Data;
+use crate::frame::{Data, Id};
 use crate::mux::Mux;
 use crate::value::unsigned;
 
@@ -17,7 +17,9 @@ pub const fn holds_cob_id(mux: Mux) -> bool {
     }
 }
 
-/// Sub-index 1 of a PDO communication parameter.
+/// The COB-ID of a service: an identifier, and bits with a meaning of their own. Bits 30 and 31 are
+/// called as those of a PDO; in 1005h and 1012h they have other meanings (CiA 301, 7.5.2.5,
+/// 7.5.2.15 and 7.5.2.35).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CobId(pub u32);
 
@@ -44,23 +46,33 @@ impl CobId {
         self.0 & Self::EXTENDED != 0
     }
 
-    /// The lower 11 bits.
-    pub const fn can_id(self) -> u16 {
-        (self.0 & 0x7FF) as u16
+    /// The identifier: bits 0 to 28 with bit 29, otherwise bits 0 to 10.
+    pub const fn can_id(self) -> Id {
+        match self.extended() {
+            true => Id::extended(self.0),
+            false => Id::standard(self.0 as u16),
+        }
+    }
+
+    /// The bits of the identifier that must be 0: bits 11 to 28 without bit 29.
+    pub const fn stray_bits(self) -> u32 {
+        if self.extended() { 0 } else { self.0 & 0x1FFF_F800 }
     }
 }
 
-/// Whether CiA 301 keeps an 11-bit identifier for another service (7.3.5, table 40).
-pub const fn is_restricted(id: u32) -> bool {
-    matches!(
-        id,
-        0x000..=0x07F
-            | 0x101..=0x180
-            | 0x581..=0x5FF
-            | 0x601..=0x67F
-            | 0x6E0..=0x6FF
-            | 0x701..=0x7FF
-    )
+/// Whether CiA 301 keeps an identifier for another service (7.3.5, table 40). No service has one of
+/// 29 bits by default.
+pub const fn is_restricted(id: Id) -> bool {
+    !id.is_extended()
+        && matches!(
+            id.raw(),
+            0x000..=0x07F
+                | 0x101..=0x180
+                | 0x581..=0x5FF
+                | 0x601..=0x67F
+                | 0x6E0..=0x6FF
+                | 0x701..=0x7FF
+        )
 }
 
 /// One entry of a PDO mapping: which value, how many bits.
@@ -162,12 +174,29 @@ mod tests {
     }
 
     #[test]
+    fn the_frame_bit_decides_how_long_an_identifier_is() {
+        for (word, id, stray) in [
+            (0x0000_0185, Id::standard(0x185), 0),
+            (0xC000_0185, Id::standard(0x185), 0),
+            (0x2000_0185, Id::extended(0x185), 0),
+            (0xFFFF_FFFF, Id::extended(0x1FFF_FFFF), 0),
+            (0x3ABC_DEF0, Id::extended(0x1ABC_DEF0), 0),
+            (0x1FFF_FFFF, Id::standard(0x7FF), 0x1FFF_F800),
+            (0x0000_0985, Id::standard(0x185), 0x800),
+        ] {
+            let cob = CobId(word);
+            assert_eq!((cob.can_id(), cob.stray_bits()), (id, stray), "{word:08X}");
+        }
+    }
+
+    #[test]
     fn restricted_identifiers_are_those_of_other_services() {
         for id in [0x000, 0x07F, 0x101, 0x180, 0x581, 0x5FF, 0x601, 0x67F, 0x701, 0x77F, 0x7FF] {
-            assert!(is_restricted(id), "{id:03X}");
+            assert!(is_restricted(Id::standard(id)), "{id:03X}");
+            assert!(!is_restricted(Id::extended(id.into())), "{id:08X}");
         }
         for id in [0x080, 0x100, 0x181, 0x200, 0x57F, 0x580, 0x600, 0x680, 0x6DF, 0x700] {
-            assert!(!is_restricted(id), "{id:03X}");
+            assert!(!is_restricted(Id::standard(id)), "{id:03X}");
         }
     }
 

@@ -102,8 +102,14 @@ fn difference(clean: &Reading, quirk: &Reading) -> String {
     for (name, _) in clean.iter().filter(|(name, _)| keys_of(&quirk, name).is_none()) {
         let _ = writeln!(out, "  - [{name}]");
     }
+    let mut alike = 0;
     for (name, keys) in &quirk {
         let before = keys_of(&clean, name);
+        let sub = name.split_once("sub").and_then(|(_, sub)| u8::from_str_radix(sub, 16).ok());
+        if before.is_none() && sub.is_some_and(|sub| sub > MOST_SHOWN) {
+            alike += 1;
+            continue;
+        }
         let sign = if before.is_none() { '+' } else { ' ' };
         let before = before.unwrap_or_default();
         let lost =
@@ -114,5 +120,11 @@ fn difference(clean: &Reading, quirk: &Reading) -> String {
             let _ = write!(out, "  {sign} [{name}]\n{lines}");
         }
     }
+    if alike > 0 {
+        let _ = writeln!(out, "  + {alike} sub-indices above {MOST_SHOWN}");
+    }
     out
 }
+
+/// The last sub-index of an object that is shown, where the clean sheet has none of them.
+const MOST_SHOWN: u8 = 8;

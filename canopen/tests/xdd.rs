@@ -60,7 +60,7 @@ fn findings_are_at_the_attributes() {
 
 #[test]
 fn what_a_parameter_says_is_taken_from_there() {
-    let Reading { eds, diagnostics } = read(BY_PARAMETER.as_bytes());
+    let Reading { eds, diagnostics, .. } = read(BY_PARAMETER.as_bytes());
     let keys = diagnostics.iter().filter(|it| it.code == "eds-unknown-key");
     assert_eq!(keys.count(), 0, "{diagnostics:#?}");
     let entry = eds.entry(Mux::new(0x2000, 0)).expect("it is described");

@@ -61,11 +61,10 @@ impl Process {
     pub(super) fn carried(&self, wanted: Id) -> Option<Pdo> {
         let of_frame = |(mux, cob_id): &(&Mux, &u32)| {
             let cob_id = CobId(**cob_id);
-            let id = match cob_id.extended() {
-                true => Id::extended(cob_id.0 & 0x1FFF_FFFF),
-                false => Id::standard(cob_id.can_id()),
-            };
-            is_communication(mux.index) && mux.sub == 1 && cob_id.valid() && id == wanted
+            is_communication(mux.index)
+                && mux.sub == 1
+                && cob_id.valid()
+                && cob_id.can_id() == wanted
         };
         let (mux, _) = self.now.iter().find(of_frame)?;
         let name = match mux.index {

@@ -201,6 +201,8 @@ codes! {
         "No two services have the same default identifier.";
     COB_ID_RESTRICTED = Warning, "eds-cob-id-restricted",
         "Default identifiers avoid those that CiA 301 reserves for other services.";
+    COB_ID_LENGTH = Warning, "eds-cob-id-length",
+        "A default identifier of more than 11 bits has bit 29 set.";
     COB_ID_PREDEFINED = Warning, "eds-cob-id-predefined",
         "PDO 1 to 4 have the identifiers of the predefined connection set.";
 }

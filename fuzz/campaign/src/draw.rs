@@ -14,7 +14,7 @@ use arbitrary::Unstructured;
 use canopen::eds::Entry;
 use canopen::sdo::block::BlockRequest;
 use canopen::sdo::{Initiate, REQUEST_COB_ID, RESPONSE_COB_ID, Request};
-use canopen::{Dictionary, Frame, Mux, NmtState};
+use canopen::{Dictionary, Frame, Id, Mux, NmtState};
 
 use crate::action::{Action, Kind, Then};
 use crate::blueprint::Blueprint;
@@ -43,7 +43,7 @@ pub(crate) struct Draw<'a> {
     /// The transfer with the default server.
     talk: Talk,
     /// The transfers with further servers, and the identifiers of their answers.
-    further: [(u16, Talk); FURTHER],
+    further: [(Option<Id>, Talk); FURTHER],
     /// The object of the last transfer.
     subject: Option<Mux>,
     /// The data of a transfer that is initiated.
@@ -192,7 +192,7 @@ impl<'a> Draw<'a> {
         if frame.data_id() == Some(RESPONSE_COB_ID + u16::from(self.node())) {
             self.talk.hear(&frame.data);
         }
-        let from = |it: &&mut (u16, Talk)| it.0 != 0 && frame.data_id() == Some(it.0);
+        let from = |it: &&mut (Option<Id>, Talk)| it.0.is_some() && frame.any_data_id() == it.0;
         if let Some((_, talk)) = self.further.iter_mut().find(from) {
             talk.hear(&frame.data);
         }

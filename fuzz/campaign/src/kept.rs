@@ -6,7 +6,7 @@ use std::time::Duration;
 use canopen::eds::{Direction, Eds, Entry};
 use canopen::nmt::{Command, Service};
 use canopen::sdo::{Initiate, RESPONSE_COB_ID, Request, Response};
-use canopen::{Bus, BusError, Data, Frame, Mux};
+use canopen::{Bus, BusError, Data, Frame, Id, Mux};
 
 use crate::blueprint::Kept;
 use crate::draw::limits;
@@ -92,10 +92,10 @@ fn announces(
 }
 
 /// How many frames with an identifier come in a pause.
-fn frames_of(bus: &mut dyn Bus, id: u16) -> Result<usize, BusError> {
+fn frames_of(bus: &mut dyn Bus, id: Id) -> Result<usize, BusError> {
     let (until, mut count) = (bus.now() + PAUSE, 0);
     while let Some(seen) = bus.recv(until)? {
-        count += usize::from(!seen.own && seen.frame.data_id() == Some(id));
+        count += usize::from(!seen.own && seen.frame.any_data_id() == Some(id));
     }
     Ok(count)
 }

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use canopen::Mux;
 use canopen::eds::{Eds, Term};
 use canopen::pdo::{CobId, Mapping};
+use canopen::{Id, Mux};
 use reference_devices::stack::NodeSettings;
 
 use crate::surface::FIRST_OF_APPLICATION;
@@ -44,7 +44,7 @@ pub fn look<E>(
 impl Look {
     /// The identifiers of the event-driven TPDOs that are valid and have no inhibit time, and what
     /// they hold.
-    pub(crate) fn event_driven(&self) -> Vec<(u16, Vec<Mux>)> {
+    pub(crate) fn event_driven(&self) -> Vec<(Id, Vec<Mux>)> {
         let number = |index, sub| {
             let value = self.values.get(&Mux::new(index, sub))?;
             Some(value.iter().rev().fold(0_u32, |all, byte| all << 8 | u32::from(*byte)))

@@ -602,7 +602,7 @@ impl<'b> Oracle<'b> {
             }
             Class::Other => {
                 let (id, period) = sync()?;
-                if frame.data_id() == Some(id) { period } else { Duration::ZERO }
+                if frame.any_data_id() == Some(id) { period } else { Duration::ZERO }
             }
             _ => Duration::ZERO,
         };
@@ -613,7 +613,7 @@ impl<'b> Oracle<'b> {
     fn is_time(&self, frame: &Frame) -> bool {
         let cob = self.model.dictionary().int(Mux::new(TIME, 0)).map(|cob| CobId(cob as u32));
         self.blueprint.is_in_its_own_time()
-            && cob.is_some_and(|cob| frame.data_id() == Some(cob.can_id()))
+            && cob.is_some_and(|cob| frame.any_data_id() == Some(cob.can_id()))
     }
 
     /// Whether the application decides when a TPDO comes.

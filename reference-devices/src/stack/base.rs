@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use canopen::eds::Eds;
+use canopen::pdo::CobId;
 use canopen::{Dictionary, Instant, NmtState};
 
 use crate::rules::{Rules, Service};
@@ -50,6 +51,12 @@ impl Base {
             granularity: eds.device.granularity,
             window_end: None,
         }
+    }
+
+    /// Whether the device can use the identifier of a COB-ID: it has none of 29 bits, and one of 11
+    /// bits has no further bits (CiA 301, 7.5.2.35).
+    pub(crate) const fn has_room_for(&self, cob: CobId) -> bool {
+        !cob.extended() && cob.stray_bits() == 0
     }
 
     /// The state by which a service acts.

@@ -215,9 +215,12 @@ pub(crate) fn check_cob_id(before: CobId, after: CobId, base: &Base) -> Result<(
         return Ok(());
     }
     let moved = before.valid() && after.valid();
-    let foreign_bits = after.0 & !(CobId::INVALID | 0x7FF) != 0;
-    let restricted = after.valid() && is_restricted(after.can_id().into());
-    if moved && base.rules.cob_id_fixed_while_valid() || foreign_bits || restricted {
+    let restricted = after.valid() && is_restricted(after.can_id());
+    if moved && base.rules.cob_id_fixed_while_valid()
+        || after.0 & RESERVED != 0
+        || !base.has_room_for(after)
+        || restricted
+    {
         return Err(Abort::VALUE);
     }
     Ok(())
@@ -227,6 +230,8 @@ pub(crate) const HISTORY: u16 = 0x1003;
 pub(crate) const COB_ID: Mux = Mux::new(0x1014, 0);
 pub(crate) const INHIBIT: Mux = Mux::new(0x1015, 0);
 const REGISTER: Mux = Mux::new(0x1001, 0);
+/// Bit 30 of 1014h.
+const RESERVED: u32 = 1 << 30;
 /// The identifier without the node id (CiA 301, 7.3.5).
 const PREDEFINED: u32 = 0x80;
 

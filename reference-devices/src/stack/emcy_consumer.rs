@@ -2,14 +2,14 @@
 
 use canopen::emcy::Emcy;
 use canopen::pdo::CobId;
-use canopen::{Abort, Mux};
+use canopen::{Abort, Id, Mux};
 
 use crate::stack::base::Base;
 use crate::stack::emcy;
 
 /// The emergency message of another node that a frame is, with the number of that node: an entry
 /// of 1028h names its identifier.
-pub(crate) fn received(id: u16, data: &[u8], base: &Base) -> Option<(u8, Emcy)> {
+pub(crate) fn received(id: Id, data: &[u8], base: &Base) -> Option<(u8, Emcy)> {
     let entries = base.od.entries_in(CONSUMER..=CONSUMER).iter().map(|entry| entry.mux);
     let mut producers = entries.filter(|mux| mux.sub > 0);
     let producer = producers.find(|mux| {

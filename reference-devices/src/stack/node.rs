@@ -3,7 +3,8 @@
 use canopen::bench::{Needs, POWER};
 use canopen::eds::Eds;
 use canopen::{
-    BenchError, Data, Device, Dictionary, Frame, Instant, Mux, NmtState, Outbox, Value, lss, nmt,
+    BenchError, Data, Device, Dictionary, Frame, Id, Instant, Mux, NmtState, Outbox, Value, lss,
+    nmt,
 };
 
 use crate::rules::{Change, Reset, Rules, Service};
@@ -137,8 +138,8 @@ impl Node {
         }
     }
 
-    fn handle_data(&mut self, now: Instant, id: u16, data: Data, out: &mut Outbox) {
-        if id == nmt::COB_ID {
+    fn handle_data(&mut self, now: Instant, id: Id, data: Data, out: &mut Outbox) {
+        if id == Id::standard(nmt::COB_ID) {
             match self.nmt.command(&self.services.base, &data) {
                 Some(Change::Enter(state)) => self.enter(now, state, false, out),
                 Some(Change::Reset(reset)) => {
@@ -159,7 +160,7 @@ impl Node {
     }
 
     /// Serves an SDO request; `false` when the frame is none.
-    fn serve(&mut self, now: Instant, id: u16, data: Data, out: &mut Outbox) -> bool {
+    fn serve(&mut self, now: Instant, id: Id, data: Data, out: &mut Outbox) -> bool {
         let base = &self.services.base;
         if !base.rules.sdo_served_in(base.state_of(Service::Sdo))
             || !self.nmt.server_is_open(now, base)
@@ -234,10 +235,11 @@ impl Device for Node {
             return;
         }
         self.services.show_time(now);
-        match (frame.id.as_standard(), frame.remote) {
-            (Some(id), false) => self.handle_data(now, id, frame.data, out),
-            (Some(id), true) => self.services.handle_remote(now, id, out),
-            (None, _) => {}
+        match frame.remote {
+            // No identifier of this device has 29 bits.
+            _ if frame.id.is_extended() => {}
+            false => self.handle_data(now, frame.id, frame.data, out),
+            true => self.services.handle_remote(now, frame.id, out),
         }
         self.settle(now, out);
     }

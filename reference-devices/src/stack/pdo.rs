@@ -108,15 +108,14 @@ fn cob_id_refused(old: CobId, new: CobId, kind: u8, direction: Direction, base: 
     let identifier = |cob: CobId| cob.0 & !(CobId::INVALID | CobId::NO_RTR);
     let changes = identifier(old) != identifier(new) || !base.rules.same_cob_id_taken();
     let moved = old.valid() && new.valid() && changes;
-    let foreign_bits = identifier(new) & !0x7FF != 0;
     let looks = match new.valid() {
         true => base.rules.restricted_ids_refused(),
         false => changes && base.rules.restricted_ids_of_invalid_pdos_refused(),
     };
     let opens = direction == Direction::Transmit && new.rtr_allowed() && !old.rtr_allowed();
     moved && base.rules.cob_id_fixed_while_valid()
-        || foreign_bits
-        || looks && is_restricted(new.can_id().into())
+        || !base.has_room_for(new)
+        || looks && is_restricted(new.can_id())
         || opens && !base.rules.remote_requests_can_be_allowed()
         || new.valid() && !new.rtr_allowed() && matches!(kind, 252 | 253)
 }

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use canopen::eds::Direction;
-use canopen::{Data, Instant, Mux};
+use canopen::{Data, Id, Instant, Mux};
 
 use crate::rules::{Service, Timer};
 use crate::stack::base::Base;
@@ -15,7 +15,7 @@ use crate::stack::pdo_mapping::PdoMapping;
 #[derive(Clone, Debug)]
 pub(crate) struct Rpdo {
     pdo: u16,
-    id: Option<u16>,
+    id: Option<Id>,
     kind: u8,
     mapping: PdoMapping,
     /// Data that take effect with the next SYNC.
@@ -72,7 +72,7 @@ impl Rpdo {
     }
 
     /// Whether a frame on identifier `id` is this PDO.
-    pub(crate) fn takes(&self, id: u16) -> bool {
+    pub(crate) fn takes(&self, id: Id) -> bool {
         self.id == Some(id) && !self.mapping.is_empty()
     }
 

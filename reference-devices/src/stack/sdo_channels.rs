@@ -2,7 +2,7 @@
 //! parameters of servers and clients refuse (CiA 301, 7.5.2.33 and 7.5.2.34).
 
 use canopen::pdo::{CobId, is_restricted};
-use canopen::{Abort, Dictionary, Mux, NmtState};
+use canopen::{Abort, Dictionary, Id, Mux, NmtState};
 
 use crate::stack::base::Base;
 
@@ -22,7 +22,7 @@ pub(crate) fn channels(
 
 /// The identifiers to the server and to the client; `None` while the channel is off, which it is
 /// until both are valid.
-pub(crate) fn identifiers(index: u16, base: &Base) -> Option<(u16, u16)> {
+pub(crate) fn identifiers(index: u16, base: &Base) -> Option<(Id, Id)> {
     let cob_id = |sub| base.od.int(Mux::new(index, sub)).map(|cob| CobId(cob as u32));
     let (to_server, to_client) = (cob_id(TO_SERVER)?, cob_id(TO_CLIENT)?);
     let on = to_server.valid() && (to_client.valid() || !base.rules.sdo_channel_needs_both());
@@ -37,9 +37,8 @@ pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
             let new = CobId(u32::from_le_bytes([a, b, c, d]));
             let old = CobId(base.od.int(mux).unwrap_or(0) as u32);
             let moved = old.valid() && new.valid() && old.can_id() != new.can_id();
-            let long = new.0 & (CobId::EXTENDED | LONG) != 0;
             moved && rules.cob_id_fixed_while_valid()
-                || long && !rules.sdo_long_identifier_taken()
+                || !base.has_room_for(new) && !rules.sdo_long_identifier_taken()
                 || new.valid() && is_kept(mux.index, new) && rules.restricted_ids_refused()
         }
         (NODE, &[node]) => !rules.sdo_partner_valid(node),
@@ -52,8 +51,8 @@ pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
 /// that is its purpose.
 const fn is_kept(index: u16, cob: CobId) -> bool {
     let id = cob.can_id();
-    let of_default_server = matches!(id, 0x581..=0x5FF | 0x601..=0x67F);
-    is_restricted(id as u32) && !(index >= *CLIENTS.start() && of_default_server)
+    let of_default_server = matches!(id.raw(), 0x581..=0x5FF | 0x601..=0x67F);
+    is_restricted(id) && !(index >= *CLIENTS.start() && of_default_server)
 }
 
 /// The further servers and the clients.
@@ -63,8 +62,6 @@ pub(crate) const CLIENTS: std::ops::RangeInclusive<u16> = 0x1280..=0x12FF;
 const TO_SERVER: u8 = 1;
 const TO_CLIENT: u8 = 2;
 const NODE: u8 = 3;
-/// The bits of a 29-bit identifier that one of 11 bits does not have.
-const LONG: u32 = 0x1FFF_F800;
 
 #[cfg(test)]
 mod tests {

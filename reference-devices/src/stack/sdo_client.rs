@@ -1,7 +1,7 @@
 //! The SDO clients of 1280h to 12FFh: the application's transfers with other nodes.
 
 use canopen::sdo::{Client, Failure, Next, Request, Transfer};
-use canopen::{Abort, Data, Dictionary, Frame, Instant, Mux, Outbox};
+use canopen::{Abort, Data, Dictionary, Frame, Id, Instant, Mux, Outbox};
 
 use crate::stack::base::Base;
 use crate::stack::sdo_channels::{CLIENTS, channels, identifiers, used_in};
@@ -73,7 +73,7 @@ impl SdoClients {
     }
 
     /// Whether a client waits for frames with this identifier.
-    pub(crate) fn awaits(&self, id: u16, base: &Base) -> bool {
+    pub(crate) fn awaits(&self, id: Id, base: &Base) -> bool {
         self.clients.iter().any(|channel| channel.awaits(id, base))
     }
 
@@ -81,7 +81,7 @@ impl SdoClients {
     pub(crate) fn handle_data(
         &mut self,
         now: Instant,
-        id: u16,
+        id: Id,
         data: &Data,
         base: &Base,
         out: &mut Outbox,
@@ -130,7 +130,7 @@ impl Channel {
         (self.index - CLIENTS.start() + 1) as u8
     }
 
-    fn awaits(&self, id: u16, base: &Base) -> bool {
+    fn awaits(&self, id: Id, base: &Base) -> bool {
         self.running.is_some()
             && identifiers(self.index, base).is_some_and(|(_, to_client)| to_client == id)
     }

@@ -12,7 +12,7 @@ use std::time::Duration;
 use canopen::sdo::block::BlockSegment;
 use canopen::sdo::{Request, Response};
 use canopen::wire::{INTERMISSION_BITS, frame_bits};
-use canopen::{Abort, Frame, Instant, Outbox};
+use canopen::{Abort, Frame, Id, Instant, Outbox};
 
 use crate::rules::Timer;
 use crate::stack::services::Services;
@@ -23,7 +23,7 @@ use state::{Input, State};
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SdoServer {
     /// The identifier of its answers.
-    answers: u16,
+    answers: Id,
     state: State,
     deadline: Option<Instant>,
     /// When the wire is free for the next segment of a block upload.
@@ -43,7 +43,7 @@ impl SdoServer {
     pub(crate) fn handle_request(
         &mut self,
         now: Instant,
-        answers: u16,
+        answers: Id,
         data: &[u8],
         services: &mut Services,
         out: &mut Outbox,

@@ -1,6 +1,6 @@
 //! Every SDO server of a device: the default one and those of 1201h to 127Fh.
 
-use canopen::{Data, Dictionary, Instant, Outbox, sdo};
+use canopen::{Data, Dictionary, Id, Instant, Outbox, sdo};
 
 use crate::stack::sdo_channels::{SERVERS, channels, identifiers};
 use crate::stack::sdo_server::SdoServer;
@@ -31,14 +31,14 @@ impl SdoServers {
     pub(crate) fn handle_data(
         &mut self,
         now: Instant,
-        id: u16,
+        id: Id,
         data: Data,
         services: &mut Services,
         out: &mut Outbox,
     ) -> bool {
         let own = u16::from(services.base.id);
-        if id == sdo::REQUEST_COB_ID + own {
-            let answers = sdo::RESPONSE_COB_ID + own;
+        if id == Id::standard(sdo::REQUEST_COB_ID + own) {
+            let answers = Id::standard(sdo::RESPONSE_COB_ID + own);
             self.default.handle_request(now, answers, &data, services, out);
             return true;
         }

@@ -8,7 +8,7 @@ use canopen::bench::Needs;
 use canopen::eds::Eds;
 use canopen::pdo::Unpacker;
 use canopen::sync::Sync;
-use canopen::{Abort, BenchError, Data, Instant, Mux, NmtState, Outbox, Value, heartbeat};
+use canopen::{Abort, BenchError, Data, Id, Instant, Mux, NmtState, Outbox, Value, heartbeat};
 
 use crate::rules::{Reset, Service};
 use crate::stack::base::Base;
@@ -202,14 +202,14 @@ impl Services {
     }
 
     /// A data frame that is neither for NMT nor for the SDO server.
-    pub(crate) fn handle_data(&mut self, now: Instant, id: u16, data: Data, out: &mut Outbox) {
+    pub(crate) fn handle_data(&mut self, now: Instant, id: Id, data: Data, out: &mut Outbox) {
         if self.sync.id() == Some(id) {
             if let Some(sync) = self.sync.handle_frame(now, &data, &mut self.base) {
                 self.synchronise(now, sync, true, out);
             }
         } else if self.time.id() == Some(id) {
             self.time.handle_frame(now, &data, &self.base);
-        } else if let 0x701..=0x77F = id {
+        } else if let Some(id @ 0x701..=0x77F) = id.as_standard() {
             // Error control has identifiers of the predefined connection set that no object moves,
             // so no RPDO can have one of them.
             let node = (id - heartbeat::COB_ID) as u8;
@@ -237,8 +237,8 @@ impl Services {
     }
 
     /// A remote frame.
-    pub(crate) fn handle_remote(&mut self, now: Instant, id: u16, out: &mut Outbox) {
-        if id == heartbeat::COB_ID + u16::from(self.base.id) {
+    pub(crate) fn handle_remote(&mut self, now: Instant, id: Id, out: &mut Outbox) {
+        if id == Id::standard(heartbeat::COB_ID + u16::from(self.base.id)) {
             let heartbeat_runs = self.heartbeat.runs();
             self.guarding.handle_request(now, heartbeat_runs, &mut self.base, out);
         }

@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use canopen::pdo::is_restricted;
+use canopen::pdo::{CobId, is_restricted};
 use canopen::sync::Sync;
-use canopen::{Abort, Instant, Mux, NmtState};
+use canopen::{Abort, Id, Instant, Mux, NmtState};
 
 use crate::rules::Service;
 use crate::stack::base::Base;
@@ -13,7 +13,7 @@ use crate::stack::fault::{Fault, FaultKind};
 /// Receives SYNC, and notices when it does not come.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SyncConsumer {
-    id: Option<u16>,
+    id: Option<Id>,
     counted: bool,
     longest_gap: Option<Duration>,
     deadline: Option<Instant>,
@@ -29,7 +29,7 @@ impl SyncConsumer {
     /// Takes identifier, period and counter overflow value. Supervision restarts with the next
     /// SYNC.
     pub(crate) fn configure(&mut self, base: &mut Base) {
-        self.id = base.od.int(COB_ID).map(|cob| cob as u16 & 0x7FF);
+        self.id = base.od.int(COB_ID).map(|cob| CobId(cob as u32).can_id());
         self.counted = base.od.int(COUNTER_OVERFLOW).is_some_and(|last| last != 0);
         let period = Duration::from_micros(base.od.int(PERIOD).unwrap_or(0).max(0) as u64);
         let supervision = base.settings.sync_supervision.filter(|_| !period.is_zero());
@@ -46,7 +46,7 @@ impl SyncConsumer {
     }
 
     /// The identifier on which SYNC comes.
-    pub(crate) fn id(&self) -> Option<u16> {
+    pub(crate) fn id(&self) -> Option<Id> {
         self.id
     }
 
@@ -147,10 +147,10 @@ pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
 
 /// Only a device that can produce SYNC takes bit 30, and while it produces, the identifier stays.
 fn check_cob_id(before: u32, cob: u32, base: &Base) -> Result<(), Abort> {
-    let own_bits = base.settings.sync_producer.map_or(0, |_| PRODUCER);
+    let foreign_bits = !IDENTIFIER & !base.settings.sync_producer.map_or(0, |_| PRODUCER);
     let moved = before & cob & PRODUCER != 0 && base.rules.sync_id_fixed_while_producing();
-    let restricted = is_restricted(cob & 0x7FF) && base.rules.restricted_ids_refused();
-    if cob & !(own_bits | 0x7FF) != 0 || moved || restricted {
+    let restricted = is_restricted(CobId(cob).can_id()) && base.rules.restricted_ids_refused();
+    if cob & foreign_bits != 0 || !base.has_room_for(CobId(cob)) || moved || restricted {
         return Err(Abort::VALUE);
     }
     Ok(())
@@ -165,6 +165,8 @@ fn round_up(span: Duration, step: Duration) -> Duration {
 pub(crate) const COB_ID: Mux = Mux::new(0x1005, 0);
 pub(crate) const PERIOD: Mux = Mux::new(0x1006, 0);
 const WINDOW: Mux = Mux::new(0x1007, 0);
+/// Bits 0 to 29 of 1005h.
+const IDENTIFIER: u32 = 0x3FFF_FFFF;
 /// Bit 30 of 1005h.
 pub(crate) const PRODUCER: u32 = 1 << 30;
 pub(crate) const COUNTER_OVERFLOW: Mux = Mux::new(0x1019, 0);

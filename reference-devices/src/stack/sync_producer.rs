@@ -2,8 +2,9 @@
 
 use std::time::Duration;
 
+use canopen::pdo::CobId;
 use canopen::sync::Sync;
-use canopen::{Frame, Instant, Outbox};
+use canopen::{Frame, Id, Instant, Outbox};
 
 use crate::rules::Timer;
 use crate::stack::base::Base;
@@ -13,7 +14,7 @@ use crate::stack::time::next_beat;
 /// Sends SYNC, if the device can and bit 30 of 1005h is set.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SyncProducer {
-    id: Option<u16>,
+    id: Option<Id>,
     period: Duration,
     /// The highest value of the counter; 0 for a SYNC without one.
     overflow: u8,
@@ -78,7 +79,7 @@ impl SyncProducer {
     fn take_parameters(&mut self, base: &Base) {
         let able = base.settings.sync_producer.is_some();
         let cob = base.od.int(COB_ID).unwrap_or(0) as u32;
-        let id = (able && base.rules.sync_producer_chosen(cob)).then_some(cob as u16 & 0x7FF);
+        let id = (able && base.rules.sync_producer_chosen(cob)).then(|| CobId(cob).can_id());
         let period = Duration::from_micros(base.od.int(PERIOD).unwrap_or(0).max(0) as u64);
         self.period = base.rules.sync_production_period(period);
         self.overflow = base.od.int(COUNTER_OVERFLOW).unwrap_or(0) as u8;

@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use canopen::pdo::is_restricted;
+use canopen::pdo::{CobId, is_restricted};
 use canopen::timestamp::TimeOfDay;
-use canopen::{Abort, Frame, Instant, Mux, Outbox};
+use canopen::{Abort, Frame, Id, Instant, Mux, Outbox};
 
 use crate::stack::base::Base;
 use crate::stack::time::next_beat;
@@ -14,8 +14,8 @@ use crate::stack::time::next_beat;
 pub(crate) struct TimeStamp {
     /// When the clock was set, and to what.
     set: (Instant, TimeOfDay),
-    consumed: Option<u16>,
-    produced: Option<u16>,
+    consumed: Option<Id>,
+    produced: Option<Id>,
     interval: Duration,
     next: Option<Instant>,
 }
@@ -46,7 +46,7 @@ impl TimeStamp {
     }
 
     /// The identifier on which TIME comes.
-    pub(crate) fn id(&self) -> Option<u16> {
+    pub(crate) fn id(&self) -> Option<Id> {
         self.consumed
     }
 
@@ -86,7 +86,7 @@ impl TimeStamp {
 
     fn take_parameters(&mut self, base: &Base) {
         let cob = base.od.int(COB_ID).unwrap_or(0) as u32;
-        let id = cob as u16 & 0x7FF;
+        let id = CobId(cob).can_id();
         self.produced = (cob & PRODUCER != 0).then_some(id);
         let consumes = self.produced.is_none() || base.rules.time_producer_consumes();
         self.consumed = (cob & CONSUMER != 0 && consumes).then_some(id);
@@ -101,18 +101,18 @@ pub(crate) fn check(bytes: &[u8], base: &Base) -> Result<(), Abort> {
     let &[a, b, c, d] = bytes else { return Ok(()) };
     let (before, after) =
         (base.od.int(COB_ID).unwrap_or(0) as u32, u32::from_le_bytes([a, b, c, d]));
-    let id = after & !(CONSUMER | PRODUCER);
     let in_use = before & after & (CONSUMER | PRODUCER) != 0;
-    let moved = in_use && id != before & !(CONSUMER | PRODUCER);
+    let moved = in_use && (before ^ after) & !(CONSUMER | PRODUCER) != 0;
     let fixed = moved && base.rules.cob_id_fixed_while_valid();
+    let (cob, id) = (CobId(after), CobId(after).can_id());
     let restricted = id != DEFAULT_ID && is_restricted(id) && base.rules.restricted_ids_refused();
-    if id > 0x7FF || fixed || restricted { Err(Abort::VALUE) } else { Ok(()) }
+    if !base.has_room_for(cob) || fixed || restricted { Err(Abort::VALUE) } else { Ok(()) }
 }
 
 pub(crate) const COB_ID: Mux = Mux::new(0x1012, 0);
 const CONSUMER: u32 = 1 << 31;
 const PRODUCER: u32 = 1 << 30;
-const DEFAULT_ID: u32 = canopen::timestamp::COB_ID as u32;
+const DEFAULT_ID: Id = Id::standard(canopen::timestamp::COB_ID);
 
 #[cfg(test)]
 mod tests {

@@ -5,7 +5,7 @@ use std::time::Duration;
 use canopen::eds::Direction;
 use canopen::pdo::{CobId, Unpacker};
 use canopen::sync::Sync;
-use canopen::{Data, Frame, Instant, Mux, Outbox};
+use canopen::{Data, Frame, Id, Instant, Mux, Outbox};
 
 use crate::rules::{Service, Timer};
 use crate::stack::base::Base;
@@ -203,7 +203,7 @@ impl Tpdo {
     }
 
     /// A remote frame.
-    pub(crate) fn handle_request(&mut self, now: Instant, id: u16, base: &Base, out: &mut Outbox) {
+    pub(crate) fn handle_request(&mut self, now: Instant, id: Id, base: &Base, out: &mut Outbox) {
         let asked = self.is_active() && self.cob.can_id() == id;
         if !asked || !base.rules.rtr_answered(self.cob) {
             return;

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use canopen::eds::Eds;
-use canopen::{heartbeat, lss, sdo};
+use canopen::{Id, heartbeat, lss, sdo};
 
 use super::check::{self, no_object};
 use super::deeds::protected;
@@ -241,7 +241,7 @@ pub(crate) fn others(dut: &Dut, stored: &[u8]) -> impl Iterator<Item = (String, 
     let free = (125..=127).chain((1..125).rev());
     let free = free.filter(move |node| *node != own && !taken.contains(node));
     NAMES.into_iter().zip(free).flat_map(|(name, node)| {
-        let id = |base: u16| Binding::Id(base + u16::from(node));
+        let id = |base: u16| Binding::Id(Id::standard(base + u16::from(node)));
         [
             (name.to_owned(), int(node.into())),
             (format!("{name}-consumer"), int(i128::from(node) << 16)),

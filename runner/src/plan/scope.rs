@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use canopen::catalogue;
 use canopen::eds::Entry;
+use canopen::pdo::CobId;
 use canopen::{DataType, Id, Mux, Pattern, Value};
 
 use crate::nearest::did_you_mean;
@@ -19,7 +20,7 @@ pub enum Binding {
     /// An address.
     Mux(Mux),
     /// A CAN identifier.
-    Id(u16),
+    Id(Id),
     /// A typed value.
     Value(Value, DataType),
     /// Bytes as they are.
@@ -243,7 +244,7 @@ impl Scope {
                 (Binding::Value(Value::Int(number), _), offset) => {
                     encode(&Value::Int(number + offset))
                 }
-                (Binding::Id(id), offset) => encode(&Value::Int(i128::from(*id) + offset)),
+                (Binding::Id(id), offset) => encode(&Value::Int(word(*id) + offset)),
                 (Binding::Bytes(bytes), 0) => Ok(bytes.clone()),
                 (Binding::Time(time), 0) => {
                     encode(&Value::Int(self.ticks(&Amount::Fixed(*time), entry)?))
@@ -264,7 +265,7 @@ impl Scope {
             Literal::Named(name, offset) => match self.get(name)? {
                 Binding::Value(value, _) => value.as_int(),
                 Binding::Literal(Literal::Int(number)) => Some(*number),
-                Binding::Id(id) => Some((*id).into()),
+                Binding::Id(id) => Some(word(*id)),
                 _ => None,
             }
             .map(|number| number + i128::from(*offset))
@@ -330,7 +331,7 @@ impl Scope {
         match &text.id {
             None => Ok(pattern),
             Some(name) => match self.get(name)? {
-                Binding::Id(id) => Ok(pattern.with_id(Id::standard(*id))),
+                Binding::Id(id) => Ok(pattern.with_id(*id)),
                 _ => Err(format!("{name} is not a CAN identifier")),
             },
         }
@@ -343,7 +344,7 @@ impl Scope {
         match &text.id {
             None => Some(pattern),
             Some(name) => match self.bound(&name.0) {
-                Some(Binding::Id(id)) => Some(pattern.with_id(Id::standard(*id))),
+                Some(Binding::Id(id)) => Some(pattern.with_id(*id)),
                 _ => None,
             },
         }
@@ -369,7 +370,11 @@ impl Scope {
 fn frame_bytes(name: &str, binding: &Binding) -> Result<Vec<u8>, Wrong> {
     match binding {
         Binding::Mux(mux) => Ok(mux.bytes().to_vec()),
-        Binding::Id(id) => Ok(id.to_le_bytes().to_vec()),
+        // Of 11 bits it has two bytes, of 29 bits the four of a COB-ID.
+        Binding::Id(id) => Ok(match id.as_standard() {
+            Some(id) => id.to_le_bytes().to_vec(),
+            None => (word(*id) as u32).to_le_bytes().to_vec(),
+        }),
         Binding::Bytes(bytes) => Ok(bytes.clone()),
         Binding::Value(value, data_type) => {
             data_type.encode(value).map_err(|error| format!("${name}: {error}"))
@@ -377,6 +382,12 @@ fn frame_bytes(name: &str, binding: &Binding) -> Result<Vec<u8>, Wrong> {
         Binding::Literal(Literal::Int(byte @ 0..=255)) => Ok(vec![*byte as u8]),
         _ => Err(format!("${name} has no bytes of its own: only whole numbers up to 255 do")),
     }
+}
+
+/// The value of a COB-ID with this identifier and nothing else: one of 29 bits has bit 29.
+fn word(id: Id) -> i128 {
+    let frame = if id.is_extended() { CobId::EXTENDED } else { 0 };
+    (id.raw() | frame).into()
 }
 
 /// The duration of one count of the object at `mux`, if it is a time.

@@ -336,7 +336,7 @@ impl Wording<'_> {
             Binding::Value(value, _) => Some(value.to_string()),
             Binding::Time(time) => Some(show_time(*time)),
             Binding::Literal(literal) => Some(literal.to_string()),
-            Binding::Id(id) => Some(format!("{id:03X}h")),
+            Binding::Id(id) => Some(format!("{id}h")),
             Binding::Bytes(_) => None,
         }
     }

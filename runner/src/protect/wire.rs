@@ -65,7 +65,7 @@ impl Wire {
             match (role(entry.mux), default.plus_node) {
                 (Some(Role::Identifier | Role::Server), true) => {
                     let (Some(first), Some(last)) = (value(1), value(127)) else { continue };
-                    let range = (id_of(first), id_of(last));
+                    let range = (CobId(first).can_id(), CobId(last).can_id());
                     wire.ids_of(entry.mux).0.push(range);
                 }
                 (Some(_), _) => {
@@ -180,7 +180,7 @@ impl Wire {
         let word = value.first_chunk().map(|bytes| u32::from_le_bytes(*bytes));
         match (role(mux), word) {
             (Some(Role::Identifier | Role::Server), Some(word)) => {
-                self.ids_of(mux).add(id_of(word));
+                self.ids_of(mux).add(CobId(word).can_id());
             }
             (Some(Role::Mapping), Some(word)) => {
                 let mapped = Mapping::decode(word).mux;
@@ -232,13 +232,6 @@ fn role(mux: Mux) -> Option<Role> {
         (0x1600..=0x17FF, 0) => Some(Role::Count),
         (0x1600..=0x17FF, _) => Some(Role::Mapping),
         _ => None,
-    }
-}
-
-fn id_of(word: u32) -> Id {
-    match CobId(word) {
-        cob_id if cob_id.extended() => Id::extended(word),
-        cob_id => Id::standard(cob_id.can_id()),
     }
 }
 
@@ -391,6 +384,18 @@ mod tests {
             assert!(!wire.deeds(&frame(id)).is_empty(), "{id}");
         }
         assert!(wire.deeds(&frame("124#01")).is_empty());
+    }
+
+    #[test]
+    fn an_identifier_of_29_bits_is_another_one_than_that_of_its_last_11() {
+        let mut wire = wire();
+        wire.learn(&frame("602#2300140123010020"));
+        wire.learn(&frame("602#23011201B4010020"));
+        assert!(!wire.deeds(&frame("00000123#01")).is_empty());
+        assert!(wire.deeds(&frame("123#01")).is_empty());
+        let written = wire.deeds(&frame("000001B4#2F00620101000000"));
+        assert!(written.contains(&Deed::Write(Mux::new(0x6200, 1), None)));
+        assert!(wire.deeds(&frame("1B4#2F00620101000000")).is_empty());
     }
 
     #[test]

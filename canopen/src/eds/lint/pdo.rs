@@ -22,7 +22,7 @@ struct Pdos {
     count_key: &'static str,
     /// The offset that is added to the node id for the first PDO; 100h more for each of the next
     /// three.
-    cob_id: i128,
+    cob_id: u16,
 }
 
 impl<'e> Lint<'e, '_, '_> {
@@ -102,8 +102,8 @@ impl<'e> Lint<'e, '_, '_> {
         let number = object.index - pdos.first;
         let Some(entry) = object.entry(1).filter(|_| number < 4) else { return };
         let Some(Term { value: Value::Int(value), plus_node }) = &entry.default else { return };
-        let expected = pdos.cob_id + 0x100 * i128::from(number);
-        if CobId(*value as u32).valid() && !(*plus_node && value & 0x1FFF_FFFF == expected) {
+        let (cob_id, expected) = (CobId(*value as u32), pdos.cob_id + 0x100 * number);
+        if cob_id.valid() && !(*plus_node && cob_id.can_id() == expected.into()) {
             let message =
                 format!("{}: the default identifier is usually $NODEID+0x{expected:X}", entry.mux);
             self.add_at(&codes::COB_ID_PREDEFINED, entry, DEFAULT, message);
@@ -193,7 +193,8 @@ impl<'e> Lint<'e, '_, '_> {
         }
     }
 
-    /// Identifiers of all services: each once, and none that CiA 301 keeps for another one.
+    /// Identifiers of all services: each once, none that CiA 301 keeps for another one, and each of
+    /// more than 11 bits with bit 29 (CiA 301, 7.5.2.35).
     fn cob_ids(&mut self) {
         let mut seen = HashMap::new();
         for object in &self.eds.objects {
@@ -210,13 +211,20 @@ impl<'e> Lint<'e, '_, '_> {
                 if object.index > 0x1012 && !cob_id.valid() {
                     continue;
                 }
-                let id = cob_id.0 & 0x1FFF_FFFF;
-                if !cob_id.extended() && self.restricted(object.index, id, *plus_node) {
+                if cob_id.stray_bits() != 0 {
+                    let message = format!(
+                        "{}: the default identifier has more than 11 bits, and bit 29 is 0",
+                        entry.mux
+                    );
+                    self.add_at(&codes::COB_ID_LENGTH, entry, DEFAULT, message);
+                    continue;
+                }
+                if restricted(object.index, cob_id, *plus_node) {
                     let message =
                         format!("{}: the default identifier is restricted by CiA 301", entry.mux);
                     self.add_at(&codes::COB_ID_RESTRICTED, entry, DEFAULT, message);
                 }
-                if let Some(first) = seen.insert((id, cob_id.extended(), *plus_node), entry.mux) {
+                if let Some(first) = seen.insert((cob_id.can_id(), *plus_node), entry.mux) {
                     let message =
                         format!("{} has the same default identifier as {first}", entry.mux);
                     self.add_at(&codes::COB_ID_DUPLICATE, entry, DEFAULT, message);
@@ -225,18 +233,19 @@ impl<'e> Lint<'e, '_, '_> {
         }
     }
 
-    fn restricted(&self, index: u16, id: u32, plus_node: bool) -> bool {
-        // The identifiers of SDO are reserved for SDO.
-        let nodes = if plus_node { 1..=127 } else { 0..=0 };
-        !(0x1200..0x1300).contains(&index) && nodes.into_iter().any(|node| is_restricted(id + node))
-    }
-
     fn in_range(&self, first: u16) -> &'e [Object] {
         let objects = &self.eds.objects;
         let start = objects.partition_point(|object| object.index < first);
         let end = objects.partition_point(|object| object.index < first + 0x200);
         &objects[start..end]
     }
+}
+
+fn restricted(index: u16, cob_id: CobId, plus_node: bool) -> bool {
+    // The identifiers of SDO are reserved for SDO.
+    let mut nodes = if plus_node { 1..=127 } else { 0..=0 };
+    !(0x1200..0x1300).contains(&index)
+        && nodes.any(|node| is_restricted(CobId(cob_id.0.wrapping_add(node)).can_id()))
 }
 
 const RPDOS: Pdos = Pdos {

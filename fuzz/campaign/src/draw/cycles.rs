@@ -7,6 +7,8 @@ use canopen::sdo::Request;
 use canopen::{Data, Frame, Id, Mux};
 
 use super::configure::communication;
+use super::network::of_another_length;
+use super::values::ANY_ID;
 use super::{Draw, Scene};
 use crate::action::{Action, Kind, Then};
 
@@ -181,7 +183,7 @@ impl Draw<'_> {
     }
 
     /// An RPDO, at times after or instead of one that is wrong, or as the last of many.
-    fn plan_rpdo(&mut self, id: u16, bytes: usize) {
+    fn plan_rpdo(&mut self, id: Id, bytes: usize) {
         let own_time = self.blueprint.is_in_its_own_time();
         let frames = if !own_time && self.chance(3) { BURST } else { 1 };
         let all = (0..frames).map(|_| [(); 8].map(|()| self.byte())).collect::<Vec<_>>();
@@ -206,7 +208,7 @@ impl Draw<'_> {
             0 | 1 => of(bytes.saturating_sub(1)),
             2 => of((bytes + 1).min(8)),
             3 => of(0),
-            4 => Frame { id: Id::extended(right.id.raw()), ..right },
+            4 => Frame { id: of_another_length(right.id), ..right },
             _ => Frame { remote: true, data: Data::new(&[0; 8][..bytes]), ..right },
         }
     }
@@ -351,7 +353,7 @@ impl Draw<'_> {
         if self.chance(20) {
             // Its identifier is in use.
             let other = self.pick(&[0x90, 0x190, 0x6A0])?;
-            let moved = present & !0x7FF | PRODUCES | other;
+            let moved = present & !ANY_ID | PRODUCES | other;
             self.plan_write(Kind::ConfigureSync, SYNC, &moved.to_le_bytes());
         }
         if let Some(usage) = &usage {
@@ -407,6 +409,6 @@ fn usage(index: u16, direction: Direction, scene: Scene<'_>) -> Option<Usage> {
     let words = (1..=count).map(|sub| scene.od.int(Mux::new(index + 0x200, sub)));
     let entries = words.map(|word| Some(Mapping::decode(word? as u32)));
     let entries = entries.collect::<Option<Vec<Mapping>>>()?;
-    let used = CobId(cob).can_id() > 0 && !entries.is_empty();
+    let used = CobId(cob).can_id().raw() > 0 && !entries.is_empty();
     used.then_some(Usage { direction, index, cob, entries, timed: false })
 }

@@ -184,7 +184,7 @@ impl Draw<'_> {
     fn rpdo(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Frame> {
         let index = self.pdo_index(0x1400, scene)?;
         let cob = CobId(scene.int(index, 1)? as u32);
-        if cob.can_id() == 0 {
+        if cob.can_id().raw() == 0 {
             return None;
         }
         let mapping = index + 0x200;
@@ -214,7 +214,7 @@ impl Draw<'_> {
                 0 | 1 => Frame::new(id, [1]),
                 2 => Frame::new(id, [1, 2]),
                 3 => Frame::remote(id, 0),
-                _ => Frame { id: Id::extended(u32::from(id)), ..Frame::new(id, []) },
+                _ => Frame::new(of_another_length(id), []),
             },
         })
     }
@@ -226,7 +226,7 @@ impl Draw<'_> {
         let days = self.pick(&[0, 1, 10_770, 15_000, day])?;
         let milliseconds =
             self.pick(&[0, 1000, TimeOfDay::DAY - 100, TimeOfDay::DAY - 1, bit, bit])?;
-        let right = Frame { id: Id::standard(id), ..TimeOfDay { days, milliseconds }.frame() };
+        let right = Frame { id, ..TimeOfDay { days, milliseconds }.frame() };
         let mut bytes = right.data.padded();
         Some(match kind {
             Kind::Time => right,
@@ -237,8 +237,16 @@ impl Draw<'_> {
                     bytes[3] |= 0xF0;
                     Frame::new(id, Data::new(&bytes[..6]))
                 }
-                _ => Frame { id: Id::extended(u32::from(id)), ..right },
+                _ => Frame { id: of_another_length(id), ..right },
             },
         })
+    }
+}
+
+/// The identifier with the same number in the other frame format.
+pub(super) const fn of_another_length(id: Id) -> Id {
+    match id.as_standard() {
+        Some(id) => Id::extended(id as u32),
+        None => Id::standard(id.raw() as u16),
     }
 }

@@ -1,6 +1,7 @@
 //! Requests to the SDO server.
 
 use canopen::eds::Entry;
+use canopen::pdo::CobId;
 use canopen::sdo::block::{BlockAck, BlockEnd, BlockRequest};
 use canopen::sdo::{self, Initiate, REQUEST_COB_ID, RESPONSE_COB_ID, Request, Segment};
 use canopen::{Abort, Data, DataType, Frame, Id, Mux};
@@ -428,9 +429,11 @@ impl Draw<'_> {
         use Kind as K;
         let place = self.below(FURTHER);
         let index = 0x1201 + place as u16;
-        let valid = |cob: &i64| cob & 1 << 31 == 0;
-        let to = scene.int(index, 1).filter(valid)? as u16;
-        let from = scene.int(index, 2).filter(valid)? as u16;
+        let id = |sub| {
+            let cob = CobId(scene.int(index, sub)? as u32);
+            cob.valid().then(|| cob.can_id())
+        };
+        let (to, from) = (id(1)?, id(2)?);
         let mut talk = std::mem::take(&mut self.further[place].1);
         let kinds: &[Kind] = match talk.open() {
             Open::Nothing | Open::Asked => &[
@@ -457,12 +460,13 @@ impl Draw<'_> {
         if let Some(action) = &drawn {
             self.sent(kind, action.frames.iter(), &mut talk);
         }
-        self.further[place] = (from, talk);
+        self.further[place] = (Some(from), talk);
         let Action { mut frames, then, .. } = drawn?;
-        frames.iter_mut().for_each(|frame| frame.id = Id::standard(to));
-        let then = match then {
-            Then::Answers { count, .. } => Then::Answers { id: from, count },
-            other => other,
+        frames.iter_mut().for_each(|frame| frame.id = to);
+        let then = match (then, from.as_standard()) {
+            (Then::Answers { count, .. }, Some(id)) => Then::Answers { id, count },
+            (Then::Answers { .. }, None) => Then::Wait(2_000),
+            (other, _) => other,
         };
         Some(Action::new(K::FurtherServer, frames, then))
     }

@@ -21,6 +21,8 @@ const TIMES: [u16; 20] = [
 const FREE: [u32; 8] = [0x190, 0x1F0, 0x290, 0x380, 0x3FE, 0x680, 0x6A0, 0x6C0];
 /// Identifiers that no object may have.
 const RESTRICTED: [u32; 8] = [0x000, 0x001, 0x07F, 0x101, 0x180, 0x581, 0x601, 0x701];
+/// The bits of a COB-ID that are the identifier, and how long it is.
+pub(super) const ANY_ID: u32 = 0x3FFF_FFFF;
 const KINDS: [u8; 14] = [0, 1, 2, 3, 4, 239, 240, 241, 251, 252, 253, 254, 255, 255];
 
 impl Draw<'_> {
@@ -129,7 +131,7 @@ impl Draw<'_> {
         Some(match (mux.index, mux.sub) {
             (0x1003, 0) => self.pick(&[0, 0, 1])?,
             // A clock that is set and told shows what it was set to.
-            (0x1012, 0) if self.chance(30) => present & 0x7FF | 0xC000_0000,
+            (0x1012, 0) if self.chance(30) => present & u64::from(ANY_ID) | 0xC000_0000,
             (0x1005 | 0x1012 | 0x1014, 0) => self.cob_id(mux, present, scene),
             (0x1006, 0) => self.pick(&[
                 0,
@@ -187,7 +189,7 @@ impl Draw<'_> {
         const PRODUCES: u64 = 1 << 30;
         let own = scene.od.entry(mux).and_then(|entry| entry.default.as_ref());
         let own = own.and_then(|term| term.resolve(self.node()).as_int()).unwrap_or(0) as u64;
-        let id = own & 0x7FF;
+        let id = own & u64::from(ANY_ID);
         let id = if id == 0 { u64::from(FREE[self.below(FREE.len())]) } else { id };
         match self.below(16) {
             0..=4 => present ^ INVALID,

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use canopen::pdo::{CobId, Mapping};
 use canopen::sdo::RESPONSE_COB_ID;
-use canopen::{Dictionary, Frame, Instant, Mux, emcy, lss};
+use canopen::{Dictionary, Frame, Id, Instant, Mux, emcy, lss};
 
 use super::{SYNC, error_control};
 use crate::model::Model;
@@ -24,7 +24,7 @@ pub(super) enum Class {
 /// A TPDO as it is configured.
 #[derive(Clone, Debug)]
 pub(super) struct Tpdo {
-    id: u16,
+    id: Id,
     /// The object with its communication parameters.
     pub(super) index: u16,
     pub(super) kind: u8,
@@ -43,10 +43,10 @@ pub(super) struct Identifiers {
     node: u8,
     /// At which change of the dictionary the rest was looked at.
     looked: Option<u64>,
-    servers: Vec<u16>,
-    emergency: Option<u16>,
+    servers: Vec<Id>,
+    emergency: Option<Id>,
     /// Those of RPDOs and of SYNC.
-    received: Vec<u16>,
+    received: Vec<Id>,
     tpdos: Vec<Tpdo>,
     /// TPDOs as they were, and until when.
     former: Vec<(Instant, Tpdo)>,
@@ -78,14 +78,14 @@ impl Identifiers {
         now: Instant,
         late: Duration,
     ) -> Class {
-        let Some(id) = frame.id.as_standard() else { return Class::Other };
-        if [self.node, model.id()].map(|it| RESPONSE_COB_ID + u16::from(it)).contains(&id) {
+        let (id, nodes) = (frame.id, [self.node, model.id()]);
+        if nodes.map(|it| Id::standard(RESPONSE_COB_ID + u16::from(it))).contains(&id) {
             return Class::Sdo;
         }
-        if [self.node, model.id()].map(error_control).contains(&id) {
+        if nodes.map(|it| Id::standard(error_control(it))).contains(&id) {
             return Class::ErrorControl;
         }
-        if id == lss::RESPONSE_COB_ID {
+        if id == Id::standard(lss::RESPONSE_COB_ID) {
             return Class::Lss;
         }
         self.look(model.dictionary(), now);
@@ -104,7 +104,7 @@ impl Identifiers {
     /// Whether a frame gives values to the objects that RPDOs map.
     pub(super) fn is_received(&mut self, frame: &Frame, model: &Model, now: Instant) -> bool {
         self.look(model.dictionary(), now);
-        frame.data_id().is_some_and(|id| self.received.contains(&id))
+        frame.any_data_id().is_some_and(|id| self.received.contains(&id))
     }
 
     fn look(&mut self, od: &Dictionary, now: Instant) {
@@ -121,7 +121,7 @@ impl Identifiers {
         };
         let servers = od.entries_in(0x1201..=0x127F).iter().filter(|entry| entry.mux.sub == 2);
         self.servers = servers.filter_map(|entry| valid(entry.mux)).collect();
-        let predefined = emcy::COB_ID + u16::from(self.node);
+        let predefined = Id::standard(emcy::COB_ID + u16::from(self.node));
         let emergency = Mux::new(0x1014, 0);
         self.emergency = match od.int(emergency) {
             Some(_) => valid(emergency),
@@ -141,7 +141,7 @@ impl Identifiers {
 const MOST_FORMER: usize = 64;
 
 impl Tpdo {
-    fn new(od: &Dictionary, index: u16, id: u16) -> Option<Self> {
+    fn new(od: &Dictionary, index: u16, id: Id) -> Option<Self> {
         let parameter = |sub| od.int(Mux::new(index, sub)).unwrap_or(0);
         let mapping = index + 0x200;
         let count = od.int(Mux::new(mapping, 0))?;

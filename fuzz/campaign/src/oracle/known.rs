@@ -210,7 +210,7 @@ fn causes(frame: &Frame) -> &'static [RangeInclusive<u16>] {
 
 fn is_sync(frame: &Frame, od: &Dictionary) -> bool {
     let cob = od.int(Mux::new(0x1005, 0)).map(|cob| CobId(cob as u32).can_id());
-    cob.is_some() && cob == frame.data_id()
+    cob.is_some() && cob == frame.any_data_id()
 }
 
 /// Whether an answer of the LSS depends on the identity of a device.

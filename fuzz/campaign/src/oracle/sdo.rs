@@ -1,8 +1,9 @@
 //! Answers of an SDO server that are as good as those of the model.
 
+use canopen::pdo::CobId;
 use canopen::sdo::block::{BlockRequest, BlockResponse};
 use canopen::sdo::{self, Initiate, Response};
-use canopen::{Abort, Data, Frame, Mux, Stamped};
+use canopen::{Abort, Data, Frame, Id, Mux, Stamped};
 
 use super::Early;
 use super::expected::Queues;
@@ -14,7 +15,7 @@ use crate::model::Model;
 pub(super) struct Request {
     mux: Mux,
     /// The identifier of the client's frames.
-    id: u16,
+    id: Id,
     uploads: bool,
     /// The value before, of an object that the device may refuse to change.
     before: Option<Vec<u8>>,
@@ -46,7 +47,7 @@ impl Request {
     /// Whether a frame of the default server confirms it, or a part of it.
     pub(super) fn is_confirmed_by(&self, frame: &Frame, node: u8) -> bool {
         let node = u16::from(node);
-        let own = self.id == sdo::REQUEST_COB_ID + node
+        let own = self.id == Id::standard(sdo::REQUEST_COB_ID + node)
             && frame.data_id() == Some(sdo::RESPONSE_COB_ID + node);
         let confirms = match Response::decode(&frame.data) {
             Ok(Response::Download(mux)) => mux == self.mux,
@@ -64,7 +65,7 @@ impl Request {
     /// The TPDO of which a frame of this transfer may write a parameter, or the mapping: the index
     /// of its communication parameters.
     pub(super) fn configures(&self, frame: &Frame) -> Option<u16> {
-        let writes = !self.uploads && frame.data_id() == Some(self.id);
+        let writes = !self.uploads && frame.any_data_id() == Some(self.id);
         (writes && matches!(self.mux.index, 0x1800..=0x1BFF))
             .then_some(0x1800 | self.mux.index & 0x1FF)
     }
@@ -93,12 +94,12 @@ pub(super) fn is_request(frame: &Frame, node: u8) -> bool {
 
 /// The request that begins with a frame of a client.
 pub(super) fn request(frame: &Frame, blueprint: &Blueprint, model: &Model) -> Option<Request> {
-    let id = frame.data_id()?;
-    let default = sdo::REQUEST_COB_ID + u16::from(model.id());
+    let id = frame.any_data_id()?;
+    let default = Id::standard(sdo::REQUEST_COB_ID + u16::from(model.id()));
     let od = model.dictionary();
     let further = od.entries_in(0x1201..=0x127F).iter().filter(|entry| entry.mux.sub == 1);
-    let mut further = further.filter_map(|entry| od.int(entry.mux));
-    if id != default && !further.any(|cob| cob == i64::from(id)) {
+    let mut further = further.filter_map(|entry| Some(CobId(od.int(entry.mux)? as u32)));
+    if id != default && !further.any(|cob| cob.valid() && cob.can_id() == id) {
         return None;
     }
     let mut ends = false;

@@ -10,6 +10,7 @@ use std::time::Duration;
 
 use canopen::catalogue::{CatalogueObject, Facts, Mapping, Profile, Shape};
 use canopen::eds::{Access, Entry, Object, Term};
+use canopen::pdo::CobId;
 use canopen::sdo::{Failure, Transfer};
 use canopen::{Abort, BusError, DataType, Mux, Value};
 
@@ -225,11 +226,16 @@ impl Probe<'_, '_> {
         }))
     }
 
-    /// A default value, of identifiers that come with the node id as such.
+    /// A default value, of identifiers that come with the node id as such. Those of the
+    /// pre-defined connection set have 11 bits (CiA 301, 7.3.3).
     fn term(&self, mux: Mux, value: Value) -> Term {
         let node = i128::from(self.node);
         match value {
-            Value::Int(cob_id) if comes_with_node_id(mux) && cob_id & 0x7F == node => {
+            Value::Int(cob_id)
+                if comes_with_node_id(mux)
+                    && !CobId(cob_id as u32).extended()
+                    && cob_id & 0x7F == node =>
+            {
                 Term { value: Value::Int(cob_id - node), plus_node: true }
             }
             value => Term::fixed(value),

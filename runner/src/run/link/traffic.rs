@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use canopen::wire::{INTERMISSION_BITS, frame_bits};
-use canopen::{Bus, Instant, Stamped, lss, monitor, nmt};
+use canopen::{Bus, Id, Instant, Stamped, lss, monitor, nmt};
 
 use crate::dut::Dut;
 
@@ -16,10 +16,10 @@ pub struct Traffic {
     bit_rate: Option<u32>,
     node: u8,
     /// The identifiers that the device has by its data sheet.
-    known: Vec<u16>,
+    known: Vec<Id>,
     /// Those that it was given, and whether since the traffic was forgotten. One that it was given
     /// before, it may have lost, so that a frame with it is load by others, but no stranger's.
-    given: BTreeMap<u16, bool>,
+    given: BTreeMap<Id, bool>,
     /// Identifiers that nobody has by default, of frames that came.
     strangers: BTreeSet<u16>,
     /// Where the stretch begins that is looked at, and the bits of others in it.
@@ -41,7 +41,7 @@ impl Traffic {
     const LISTED: usize = 8;
 
     /// Beside this device, whose data sheet gives it these identifiers.
-    pub fn beside(dut: &Dut, known: Vec<u16>) -> Self {
+    pub fn beside(dut: &Dut, known: Vec<Id>) -> Self {
         Self { bit_rate: dut.bit_rate, node: dut.node, known, ..Self::default() }
     }
 
@@ -67,7 +67,7 @@ impl Traffic {
         if let Some(id) = seen.frame.data_id()
             && self.strangers.len() < Self::LISTED
             && !matches!(id, nmt::COB_ID | SYNC | TIME | lss::REQUEST_COB_ID)
-            && !self.given.contains_key(&id)
+            && !self.given.contains_key(&Id::standard(id))
             && !monitor::is_anybodys(id, self.node, &self.known)
         {
             self.strangers.insert(id);
@@ -117,12 +117,11 @@ impl Traffic {
 
     /// The device has its node id in the identifiers of the predefined connection set.
     fn is_of_device(&self, seen: &Stamped) -> bool {
-        seen.frame.id.as_standard().is_some_and(|id| {
-            id == lss::RESPONSE_COB_ID
-                || id >= 0x80 && id & 0x7F == u16::from(self.node)
-                || self.known.contains(&id)
-                || self.given.get(&id) == Some(&true)
-        })
+        let id = seen.frame.id;
+        let by_default = id.as_standard().is_some_and(|id| {
+            id == lss::RESPONSE_COB_ID || id >= 0x80 && id & 0x7F == u16::from(self.node)
+        });
+        by_default || self.known.contains(&id) || self.given.get(&id) == Some(&true)
     }
 }
 
@@ -140,7 +139,7 @@ mod tests {
     #[test]
     fn a_burst_counts_as_much_as_a_load_that_lasts() {
         let dut = Dut { bit_rate: Some(100_000), ..Dut::new("any", 5, Eds::default()) };
-        let mut traffic = Traffic::beside(&dut, vec![0x123]);
+        let mut traffic = Traffic::beside(&dut, vec![Id::standard(0x123)]);
         let at = |ms: u64| Instant(ms * 1_000_000);
         let seen = |id, ms, own| Stamped { at: at(ms), frame: Frame::new(id, [0; 8]), own };
         for ms in 0..40 {
@@ -172,9 +171,12 @@ mod tests {
         // 1800h sub 1 = 6A0h; what another node is given says nothing about this one.
         see(0x605, *b"\x23\x00\x18\x01\xA0\x06\0\0", true);
         see(0x606, *b"\x23\x00\x18\x01\xA1\x06\0\0", true);
+        // 1801h sub 1 = 2000 06A2h is none of 11 bits.
+        see(0x605, *b"\x23\x01\x18\x01\xA2\x06\0\x20", true);
         see(0x6A0, [0; 8], false);
         see(0x6A1, [0; 8], false);
-        assert!(traffic.strangers().unwrap().contains("explains: 6A1h; others share"));
+        see(0x6A2, [0; 8], false);
+        assert!(traffic.strangers().unwrap().contains("explains: 6A1h, 6A2h; others share"));
     }
 
     #[test]

@@ -3,10 +3,10 @@
 use std::cell::{Cell, RefCell};
 use std::time::Duration;
 
-use canopen::Mux;
 use canopen::emcy::EmcyCode;
 use canopen::monitor::Standing;
 use canopen::sdo::Failure;
+use canopen::{Id, Mux};
 use reports::Identity;
 
 use super::rung::Rung;
@@ -29,7 +29,7 @@ pub(in crate::run) struct Baseline {
     /// The device's behaviour without requests.
     pub habits: Habits,
     /// The identifier of its emergency messages by 1014h, if there is one.
-    pub(super) emergency_id: Option<u16>,
+    pub(super) emergency_id: Option<Id>,
     /// The error codes of the emergencies that it sent, without 0000h.
     pub(super) emergencies: Vec<EmcyCode>,
     /// Errors of which it sends no emergency, since 1014h disables them.

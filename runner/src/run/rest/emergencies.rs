@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use canopen::monitor::Seen;
 use canopen::pdo::{CobId, is_restricted};
-use canopen::{BusError, Frame, Mux, emcy, sdo};
+use canopen::{BusError, Frame, Id, Mux, emcy, sdo};
 
 use super::baseline::Baseline;
 use crate::dut::Dut;
@@ -18,7 +18,7 @@ pub(in crate::run) fn emergencies<'t>(
     dut: &Dut,
     baseline: &Baseline,
 ) -> impl DoubleEndedIterator<Item = &'t Frame> {
-    let usual = emcy::COB_ID + u16::from(dut.node);
+    let usual = Id::standard(emcy::COB_ID + u16::from(dut.node));
     let frames = trace.iter().map(|seen| &seen.stamped);
     let own = frames.clone().filter(|seen| seen.own);
     let written = own.filter_map(|seen| sdo::written(&seen.frame, dut.node));
@@ -26,11 +26,9 @@ pub(in crate::run) fn emergencies<'t>(
     let given = given.filter_map(|(_, value)| Some(u32::from_le_bytes(*value.first_chunk()?)));
     let mut ids = vec![usual, baseline.emergency_id.unwrap_or(usual)];
     // What a device must refuse is no identifier of it.
-    ids.extend(
-        given.map(|cob_id| CobId(cob_id).can_id()).filter(|id| !is_restricted((*id).into())),
-    );
+    ids.extend(given.map(|cob_id| CobId(cob_id).can_id()).filter(|id| !is_restricted(*id)));
     let came = frames.filter(|seen| !seen.own).map(|seen| &seen.frame);
-    came.filter(move |frame| frame.data_id().is_some_and(|id| ids.contains(&id)))
+    came.filter(move |frame| frame.any_data_id().is_some_and(|id| ids.contains(&id)))
 }
 
 /// Waits until the emergency messages from place `from` of the trace on hold back no other one.

@@ -7,7 +7,7 @@ use canopen::heartbeat::ErrorControl;
 use canopen::monitor::Standing;
 use canopen::nmt::{Command, NmtState, Service};
 use canopen::pdo::CobId;
-use canopen::{BusError, Mux, Stamped, emcy};
+use canopen::{BusError, Id, Mux, Stamped, emcy};
 use reports::Identity;
 
 use super::answer::booted;
@@ -72,13 +72,13 @@ pub(in crate::run) fn first_look(
     let sent: Vec<Stamped> = link.trace().iter().map(|seen| seen.stamped).collect();
     let sent = sent.iter().filter(|seen| !seen.own);
     // Another identifier may have been stored.
-    let usual = emcy::COB_ID + u16::from(dut.node);
+    let usual = Id::standard(emcy::COB_ID + u16::from(dut.node));
     let stored = sdo::upload_patiently(link, policy, dut.node, COB_ID_EMCY)?.result.ok();
     let stored = stored.and_then(|value| Some(u32::from_le_bytes(*value.first_chunk()?)));
     let disabled = stored.is_some_and(|cob_id| !CobId(cob_id).valid());
     let stored = stored.map(|cob_id| CobId(cob_id).can_id());
     let ids = [Some(usual), stored.or(Some(usual))];
-    let code = |seen: &Stamped| match (ids.contains(&seen.frame.data_id()), &*seen.frame.data) {
+    let code = |seen: &Stamped| match (ids.contains(&seen.frame.any_data_id()), &*seen.frame.data) {
         (true, [low, high, ..]) => Some(EmcyCode(u16::from_le_bytes([*low, *high]))),
         _ => None,
     };
@@ -161,11 +161,11 @@ fn has_started(link: &mut Link, policy: &Policy, dut: &Dut, undo: &Undo) -> Resu
     let indices = dut.eds.objects.iter().map(|object| object.index).filter(is_tpdo);
     let cob_ids = indices.filter_map(|index| dut.default_int(Mux::new(index, 1)));
     let cob_ids = cob_ids.map(|cob_id| CobId(cob_id as u32)).filter(|cob_id| cob_id.valid());
-    let ids: Vec<Option<u16>> = cob_ids.map(|cob_id| Some(cob_id.can_id())).collect();
+    let ids: Vec<Option<Id>> = cob_ids.map(|cob_id| Some(cob_id.can_id())).collect();
     let mut sent = link.trace().iter().map(|seen| seen.stamped).filter(|seen| !seen.own);
     Ok(match state {
         Some(state) => state == NmtState::OPERATIONAL,
-        None => sent.any(|seen| ids.contains(&seen.frame.data_id())),
+        None => sent.any(|seen| ids.contains(&seen.frame.any_data_id())),
     })
 }
 

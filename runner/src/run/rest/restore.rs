@@ -8,7 +8,7 @@ use canopen::monitor::Seen;
 use canopen::pdo::{CobId, Mapping};
 use canopen::sdo::block::BlockRequest;
 use canopen::sdo::{REQUEST_COB_ID, RESPONSE_COB_ID, Request, Response, Transfer};
-use canopen::{BusError, Frame, Mux, Stamped, heartbeat, nmt};
+use canopen::{BusError, Frame, Id, Mux, Stamped, heartbeat, nmt};
 
 use super::address::Address;
 use crate::dut::Dut;
@@ -146,7 +146,9 @@ impl Snapshot {
             .filter(|frame| frame.data_id() == requests)
             .filter_map(|frame| written_by(&Request::decode(&frame.data).ok()?))
             .collect();
-        let pdo = |frame: &Frame| frame.data_id().is_some_and(|id| (0x180..0x580).contains(&id));
+        // One of 29 bits has no service by default, and may be a PDO.
+        let may_be_pdo = |id: Id| id.is_extended() || (0x180..0x580).contains(&id.raw());
+        let pdo = |frame: &Frame| frame.any_data_id().is_some_and(may_be_pdo);
         let by_pdo = sent.iter().any(pdo);
         let touched = |mux: &Mux| written.contains(mux) || by_pdo && mux.index >= 0x2000;
         self.values.keys().copied().filter(touched).collect()
@@ -474,7 +476,7 @@ fn changed_by_frame(text: &At<FrameText>, scope: &Scope, dut: &Dut) -> Vec<Mux> 
 fn mapped_into(frame: &Frame, dut: &Dut) -> Vec<Mux> {
     let has_identifier = |index| {
         let cob_id = dut.default_int(Mux::new(index, 1))?;
-        (Some(CobId(cob_id as u32).can_id()) == frame.data_id()).then_some(index | 0x0200)
+        (Some(CobId(cob_id as u32).can_id()) == frame.any_data_id()).then_some(index | 0x0200)
     };
     let rpdos = dut.eds.objects.iter().filter(|object| (0x1400..0x1600).contains(&object.index));
     let mappings = rpdos.filter_map(|object| has_identifier(object.index));

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use canopen::emcy::EmcyCode;
 use canopen::nmt::{self, Command, Service};
-use canopen::{BusError, Mux};
+use canopen::{BusError, Id, Mux};
 use reports::{Event, Note, Outcome, Phase, Repeated};
 
 use super::attempts::Repeats;
@@ -42,7 +42,7 @@ pub(super) struct Common<'r> {
     /// How it was before the first case.
     pub baseline: &'r Baseline,
     /// The identifiers that its data sheet gives to TPDOs, SYNC and TIME.
-    pub known: &'r [u16],
+    pub known: &'r [Id],
     /// The changes in the device.
     pub undo: &'r Undo,
     /// What was repeated on a bus that may lose frames.

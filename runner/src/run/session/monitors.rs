@@ -7,7 +7,7 @@ use canopen::monitor::{self, Breach, Seen, Watched};
 use canopen::pdo::CobId;
 use canopen::sdo::block::BlockRequest;
 use canopen::sdo::{REQUEST_COB_ID, Request};
-use canopen::{Frame, Mux, Stamped, emcy};
+use canopen::{Frame, Id, Mux, Stamped, emcy};
 
 use super::case::CaseRun;
 use crate::dut::Dut;
@@ -62,7 +62,8 @@ fn gives_a_value(frame: &Frame, node: u8) -> bool {
             _ => false,
         },
         Some(id) => (0x180..REQUEST_COB_ID - 0x80).contains(&id),
-        None => false,
+        // What has 29 bits by default is no service but a PDO.
+        None => !frame.remote,
     }
 }
 
@@ -73,18 +74,18 @@ fn is_of_application(frame: &Frame) -> bool {
 }
 
 /// The identifiers the data sheet gives to TPDOs, SYNC and TIME.
-pub(super) fn data_sheet_identifiers(dut: &Dut) -> Vec<u16> {
+pub(super) fn data_sheet_identifiers(dut: &Dut) -> Vec<Id> {
     tpdos(dut).chain([SYNC, TIME].into_iter().filter_map(|mux| identifier(dut, mux))).collect()
 }
 
 /// Those it gives to TPDOs.
-fn tpdos(dut: &Dut) -> impl Iterator<Item = u16> {
+fn tpdos(dut: &Dut) -> impl Iterator<Item = Id> {
     let objects = dut.eds.objects.iter().map(|object| object.index);
     let tpdos = objects.filter(|index| (0x1800..0x1A00).contains(index));
     tpdos.filter_map(|index| identifier(dut, Mux::new(index, 1)))
 }
 
-fn identifier(dut: &Dut, mux: Mux) -> Option<u16> {
+fn identifier(dut: &Dut, mux: Mux) -> Option<Id> {
     dut.default_int(mux).map(|cob_id| CobId(cob_id as u32).can_id())
 }
 
