@@ -668,8 +668,11 @@ impl<'b> Oracle<'b> {
         }
         let mut streams = std::mem::take(&mut self.streams);
         let like = |model: &Frame| self.is_said_by(&class, frame, model);
-        // An answer may look like what is sent by itself, as that of guarding does.
-        let taken = match self.queues.awaits_exactly(frame) {
+        // An answer may look like what is sent by itself, as that of guarding does, and so may a
+        // TPDO that SYNC triggers after it was sent by its event timer.
+        let is_awaited = self.queues.awaits_exactly(frame)
+            || self.period(&class, frame).is_none() && self.queues.awaits_one(frame.id, like);
+        let taken = match is_awaited {
             true => Taken::Unknown,
             false => streams.take(now, frame, self.late(), like),
         };

@@ -62,9 +62,14 @@ impl Queues {
 
     /// Whether the next frame with its identifier that must come is this one.
     pub(super) fn awaits_exactly(&self, frame: &Frame) -> bool {
-        let queue = self.of_ids.iter().find(|queue| queue.id == frame.id);
+        self.awaits_one(frame.id, |expected| expected == frame)
+    }
+
+    /// Whether the next frame with an identifier that must come is one of these.
+    pub(super) fn awaits_one(&self, id: Id, is_it: impl Fn(&Frame) -> bool) -> bool {
+        let queue = self.of_ids.iter().find(|queue| queue.id == id);
         let mut must = queue.into_iter().flat_map(|queue| &queue.expected);
-        must.find(|expected| expected.must == Must::Come).is_some_and(|it| it.frame == *frame)
+        must.find(|expected| expected.must == Must::Come).is_some_and(|it| is_it(&it.frame))
     }
 
     /// Whether any frame must come.
