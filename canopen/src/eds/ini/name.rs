@@ -103,7 +103,7 @@ impl Name {
                         format!("Fixed{}", Self::Object(index, part).canonical()?)
                     }
                     ModulePart::SubExt(index) => format!("SubExt{index:04X}"),
-                    _ => (*MODULE_PARTS.iter().find(|(_, named)| *named == part)?).0.to_owned(),
+                    _ => MODULE_PARTS.iter().find(|(_, named)| *named == part)?.0.to_owned(),
                 };
                 Some(format!("M{number}{part}"))
             }

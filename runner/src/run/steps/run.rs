@@ -390,7 +390,7 @@ impl Steps<'_, '_> {
         const COB_ID_SYNC: Mux = Mux::new(0x1005, 0);
         let every = self.optional_time(&step.every, DEFAULT_SYNC_PERIOD)?;
         let cob_id = self.dut.default_int(COB_ID_SYNC).map(|cob_id| CobId(cob_id as u32).can_id());
-        let frame = Frame::new(cob_id.unwrap_or(sync::COB_ID.into()), []);
+        let frame = Frame::new(cob_id.unwrap_or_else(|| sync::COB_ID.into()), []);
         self.repeat(&frame, step.count, every)?;
         Ok(None)
     }
