@@ -50,6 +50,11 @@ impl Emcy {
 pub struct EmcyCode(pub u16);
 
 impl EmcyCode {
+    /// Whether it is about the communication, and not about the device or its application.
+    pub const fn is_of_communication(self) -> bool {
+        matches!(self.0 >> 8, 0x81 | 0x82)
+    }
+
     /// Error reset or no error.
     pub const RESET: Self = Self(0x0000);
     /// Device hardware.

@@ -21,6 +21,7 @@ use reports::reason::PROTECTED_BY;
 pub use deed::Deed;
 pub use guard::Guarded;
 pub use wire::Wire;
+pub(crate) use wire::download;
 
 /// Objects that are named: a range of indices, all sub-indices or one.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -960,7 +960,7 @@ impl<'b> Oracle<'b> {
             EmcyCode::RESET => self.errors || self.blueprint.listens() && emcy.register == 0,
             // What a controller notices on the wire, no trace shows.
             code if self.blueprint.listens() && OF_CONTROLLER.contains(&code.0) => true,
-            code => !matches!(code.0 >> 8, 0x81 | 0x82),
+            code => !code.is_of_communication(),
         }
     }
 

@@ -237,7 +237,7 @@ fn role(mux: Mux) -> Option<Role> {
 
 /// The object that a download begins to write, and the value when it is in the frame. A frame that
 /// is too short counts as if zeros followed: a device may take it.
-fn download(frame: &Frame) -> Option<(Mux, Option<[u8; 4]>)> {
+pub(crate) fn download(frame: &Frame) -> Option<(Mux, Option<[u8; 4]>)> {
     if frame.data.len() < 4 {
         return None;
     }

@@ -2,15 +2,15 @@
 
 use std::time::Duration;
 
-use canopen::emcy::{Emcy, EmcyCode};
+use canopen::emcy::Emcy;
 use canopen::monitor::{self, Breach, Seen, Watched};
 use canopen::pdo::CobId;
-use canopen::sdo::block::BlockRequest;
-use canopen::sdo::{REQUEST_COB_ID, Request};
+use canopen::sdo::REQUEST_COB_ID;
 use canopen::{Frame, Id, Mux, Stamped, emcy};
 
 use super::case::CaseRun;
 use crate::dut::Dut;
+use crate::protect::download;
 use crate::suite::model::Tolerated;
 
 /// How long a program may wait for the processor while the tester does not: a busy machine with one
@@ -22,7 +22,7 @@ impl CaseRun<'_, '_> {
     pub(super) fn watch(&self, from: usize) -> Option<Breach> {
         let tolerated = self.instance.case().tolerates.contains(&Tolerated::Emergency);
         let emergency = Some(emcy::COB_ID + u16::from(self.common.dut.node));
-        // What an application has to say about a value, only its own document tells.
+        // Only the document of an application tells what it reports about a value.
         let unknown = self.instance.suite.about().is_none();
         let mut given = false;
         let mut waited_for = |seen: &Seen| {
@@ -56,12 +56,10 @@ impl CaseRun<'_, '_> {
 /// Whether a frame gives the application a value: a download of one of its objects, or a PDO.
 fn gives_a_value(frame: &Frame, node: u8) -> bool {
     match frame.data_id() {
-        Some(id) if id == REQUEST_COB_ID + u16::from(node) => match Request::decode(&frame.data) {
-            Ok(Request::Download(mux, _))
-            | Ok(Request::Block(BlockRequest::Download { mux, .. })) => mux.index >= 0x2000,
-            _ => false,
-        },
-        Some(id) => (0x180..REQUEST_COB_ID - 0x80).contains(&id),
+        Some(id) if id == REQUEST_COB_ID + u16::from(node) => {
+            download(frame).is_some_and(|(mux, _)| mux.index >= FIRST_OF_APPLICATION)
+        }
+        Some(id) => (0x180..0x580).contains(&id),
         // What has 29 bits by default is no service but a PDO.
         None => !frame.remote,
     }
@@ -69,9 +67,10 @@ fn gives_a_value(frame: &Frame, node: u8) -> bool {
 
 /// Whether an emergency message is none about the communication.
 fn is_of_application(frame: &Frame) -> bool {
-    let emcy = Emcy::decode(&frame.data).map(|emcy| emcy.code);
-    emcy.is_ok_and(|EmcyCode(code)| !matches!(code >> 8, 0x81 | 0x82))
+    Emcy::decode(&frame.data).is_ok_and(|emcy| !emcy.code.is_of_communication())
 }
+
+const FIRST_OF_APPLICATION: u16 = 0x2000;
 
 /// The identifiers the data sheet gives to TPDOs, SYNC and TIME.
 pub(super) fn data_sheet_identifiers(dut: &Dut) -> Vec<Id> {
