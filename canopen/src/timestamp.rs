@@ -21,6 +21,13 @@ impl TimeOfDay {
     /// Milliseconds of a day.
     pub const DAY: u32 = 24 * 60 * 60 * 1000;
 
+    /// Whether two clocks show the same within two seconds, over midnight as well.
+    pub fn is_near(self, other: Self) -> bool {
+        let since =
+            |time: Self| u64::from(time.days) * u64::from(Self::DAY) + u64::from(time.milliseconds);
+        since(self).abs_diff(since(other)) <= 2_000
+    }
+
     /// Decodes the bytes. The four reserved bits are ignored.
     ///
     /// # Errors

@@ -62,6 +62,8 @@ pub struct Kept {
     pub objects: BTreeSet<Mux>,
     /// Whether an event-driven TPDO of them came with each of their new values, and once only.
     pub announced: bool,
+    /// The object that shows the clock that TIME sets.
+    pub clock: Option<Mux>,
 }
 
 /// How models of one device are built.
@@ -167,7 +169,9 @@ impl Blueprint {
 
     /// The same with objects of the application that keep what they are given.
     #[must_use]
-    pub fn keeping(self, kept: Kept) -> Self {
+    pub fn keeping(mut self, kept: Kept) -> Self {
+        let clock = &mut self.device.description.settings.clock_object;
+        *clock = clock.or(kept.clock);
         Self { kept: Arc::new(kept), ..self }
     }
 

@@ -1,8 +1,11 @@
 //! Actions from bytes: the next one for a device in its present state.
 
+mod clock;
 mod configure;
 mod cycles;
+mod errors;
 mod lss;
+mod memory;
 mod network;
 mod plans;
 mod sdo;
@@ -36,6 +39,8 @@ pub(crate) struct Draw<'a> {
     remembered: VecDeque<Mux>,
     /// What is to be done next, one after the other.
     planned: VecDeque<Action>,
+    /// What kind of action is to follow when no transfer is open.
+    wished: Option<Kind>,
     /// The same, when nothing was done since.
     fresh: Option<Mux>,
     /// The last counter of SYNC.
@@ -74,13 +79,16 @@ impl<'s> Scene<'s> {
 const GROUPS: usize = 11;
 
 /// The group of a kind, and its weight within it by what is open.
-fn weight(kind: Kind, open: Open, state: NmtState) -> (usize, u32) {
+fn weight(kind: Kind, talk: &Talk, state: NmtState) -> (usize, u32) {
     use Kind as K;
+    let open = talk.open();
     let idle = matches!(open, Open::Nothing);
     let download = matches!(open, Open::Download);
     let upload = matches!(open, Open::Upload);
     let blocks = matches!(open, Open::BlockDownload);
-    let receives = matches!(open, Open::BlockUpload);
+    let accepted = matches!(talk, Talk::Accepted { .. });
+    let receives = matches!(talk, Talk::Receiving { .. });
+    let ended = matches!(talk, Talk::Ended);
     let if_so = |so: bool, weight: u32| if so { weight } else { 0 };
     let operational = state == NmtState::OPERATIONAL;
     match kind {
@@ -105,10 +113,10 @@ fn weight(kind: Kind, open: Open, state: NmtState) -> (usize, u32) {
         K::BlockEnd => (4, if_so(blocks, 40)),
         K::BlockEndWrong => (4, if_so(blocks, 6)),
         K::BlockUpload => (4, if idle { 8 } else { 2 }),
-        K::BlockStart => (4, if receives { 40 } else { 1 }),
+        K::BlockStart => (4, if accepted { 60 } else { 1 }),
         K::BlockAck => (4, if_so(receives, 60)),
         K::BlockAckWrong => (4, if receives { 14 } else { 1 }),
-        K::BlockUploadEnd => (4, if receives { 20 } else { 1 }),
+        K::BlockUploadEnd => (4, if ended { 60 } else { 1 }),
         K::Abort => (3, if idle { 1 } else { 6 }),
         K::SdoWrong => (2, 3),
         K::SdoForAnother => (2, 1),
@@ -172,6 +180,7 @@ impl<'a> Draw<'a> {
             written: None,
             remembered: VecDeque::new(),
             planned: VecDeque::new(),
+            wished: None,
             fresh: None,
             sync_counter: 0,
             talk: Talk::Idle,
@@ -253,6 +262,12 @@ impl<'a> Draw<'a> {
         if let Some(action) = self.as_planned(scene) {
             return Some(action);
         }
+        if scene.talk.is_idle()
+            && let Some(wished) = self.wished.take()
+            && let Some(action) = self.action(wished, scene)
+        {
+            return Some(action);
+        }
         for _ in 0..TRIES {
             if self.bytes.is_empty() {
                 return None;
@@ -266,10 +281,9 @@ impl<'a> Draw<'a> {
     }
 
     fn kind(&mut self, scene: Scene<'_>) -> Option<Kind> {
-        let open = scene.talk.open();
         let further = self.further.iter().any(|(_, talk)| !talk.is_idle());
         let weight = |kind: &Kind| {
-            let (group, weight) = weight(*kind, open, scene.state);
+            let (group, weight) = weight(*kind, scene.talk, scene.state);
             let goes_on = *kind == Kind::FurtherServer && further;
             let weight = if goes_on { GOES_ON } else { weight };
             if self.blueprint.spares(*kind) { 0 } else { weight * u32::from(self.swarm[group]) }

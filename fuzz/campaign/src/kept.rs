@@ -5,8 +5,10 @@ use std::time::Duration;
 
 use canopen::eds::{Direction, Eds, Entry};
 use canopen::nmt::{Command, Service};
+use canopen::pdo::CobId;
 use canopen::sdo::{Initiate, RESPONSE_COB_ID, Request, Response};
-use canopen::{Bus, BusError, Data, Frame, Id, Mux};
+use canopen::timestamp::TimeOfDay;
+use canopen::{Bus, BusError, Data, DataType, Frame, Id, Mux};
 
 use crate::blueprint::Kept;
 use crate::draw::limits;
@@ -17,6 +19,8 @@ use crate::surface::FIRST_OF_APPLICATION;
 const PATIENCE: Duration = Duration::from_millis(300);
 /// How long an application may take to give an object another value again.
 const PAUSE: Duration = Duration::from_millis(60);
+const TIME: Mux = Mux::new(0x1012, 0);
+const TIME_CONSUMER: u32 = 1 << 31;
 /// How many objects are tried whether they keep what they are given.
 const MOST_KEPT: usize = 48;
 
@@ -55,10 +59,50 @@ pub fn kept(bus: &mut dyn Bus, eds: &Eds, node: u8, look: &Look) -> Result<Kept,
         all = shown(bus, node, all, &present)?;
     }
     let announced = announces(bus, node, &all, look)?;
+    let clock = clock(bus, eds, node)?;
     for entry in tried {
         write(bus, node, entry.mux, &look.values[&entry.mux])?;
     }
-    Ok(Kept { objects: all.iter().map(|entry| entry.mux).collect(), announced })
+    Ok(Kept { objects: all.iter().map(|entry| entry.mux).collect(), announced, clock })
+}
+
+/// The only object for a time of day, where TIME sets it.
+fn clock(bus: &mut dyn Bus, eds: &Eds, node: u8) -> Result<Option<Mux>, BusError> {
+    let mut shows = eds.entries().filter(|entry| {
+        let readable = entry.access.readable() && !entry.access.writable();
+        entry.data_type == DataType::TIME_OF_DAY && readable
+    });
+    let (Some(entry), None) = (shows.next(), shows.next()) else { return Ok(None) };
+    let consumes = |cob: &Vec<u8>| {
+        let cob = u32::from_le_bytes(cob.as_slice().try_into().ok()?);
+        Some((CobId(cob).can_id(), (cob | TIME_CONSUMER).to_le_bytes()))
+    };
+    let before = upload(bus, node, TIME)?;
+    let Some((id, on)) = before.as_ref().and_then(consumes) else { return Ok(None) };
+    let mut follows = write(bus, node, TIME, &on)?;
+    for days in [0x1234, 0x0203] {
+        let told = TimeOfDay { days, milliseconds: 0x012_3456 };
+        bus.send(&Frame { id, ..told.frame() })?;
+        let shown = if follows { time_of_day(bus, node, entry.mux)? } else { None };
+        follows = shown.is_some_and(|shown| told.is_near(shown));
+    }
+    write(bus, node, TIME, &before.unwrap_or_default())?;
+    Ok(follows.then_some(entry.mux))
+}
+
+/// The value of an object of six bytes.
+fn time_of_day(bus: &mut dyn Bus, node: u8, mux: Mux) -> Result<Option<TimeOfDay>, BusError> {
+    bus.send(&Request::Upload(mux).frame(node))?;
+    let begun = answer(bus, node)?.and_then(|it| Response::decode(&it.data).ok());
+    if !matches!(begun, Some(Response::Upload(other, Initiate::Segmented(_))) if other == mux) {
+        return Ok(None);
+    }
+    bus.send(&Request::UploadSegment(false).frame(node))?;
+    let answer = answer(bus, node)?.and_then(|it| Response::decode(&it.data).ok());
+    Ok(match answer {
+        Some(Response::UploadSegment(segment)) => TimeOfDay::decode(&segment.data).ok(),
+        _ => None,
+    })
 }
 
 /// Whether event-driven TPDOs that hold nothing but these entries come with each new value: once,

@@ -24,7 +24,8 @@ use canopen::emcy::{Emcy, EmcyCode};
 use canopen::heartbeat::ErrorControl;
 use canopen::nmt::{self, Command, Service};
 use canopen::pdo::CobId;
-use canopen::sdo::RESPONSE_COB_ID;
+use canopen::sdo::{RESPONSE_COB_ID, Response};
+use canopen::timestamp::TimeOfDay;
 use canopen::{Data, Frame, Instant, Mux, NmtState, Stamped, Value, heartbeat};
 use reference_devices::change::Replica;
 
@@ -192,6 +193,8 @@ pub struct Oracle<'b> {
     texts: BTreeSet<Mux>,
     /// Objects of the application that keep what they are given, and that it has left alone since.
     kept: BTreeSet<Mux>,
+    /// Whether TIME has set the clock since the last reset.
+    told: bool,
     /// What is known of the values of the device.
     known: Known,
     /// An object that has another value than the model, which nobody has written.
@@ -248,6 +251,7 @@ impl<'b> Oracle<'b> {
             followed: BTreeSet::new(),
             texts: BTreeSet::new(),
             kept: blueprint.kept().objects.clone(),
+            told: false,
             known,
             learnt: None,
         }
@@ -284,6 +288,7 @@ impl<'b> Oracle<'b> {
                 self.advance(Instant(at.0.saturating_add(1)))?;
                 self.model.power(at, on);
                 self.requests = [None, None];
+                self.forget_application();
                 self.release();
                 self.held = None;
                 if on && self.blueprint.is_in_its_own_time() {
@@ -323,15 +328,19 @@ impl<'b> Oracle<'b> {
 
     /// The device may have lost what it had to send.
     fn release(&mut self) {
-        self.texts.clear();
-        // What of it is stored, and where it begins, the application decides.
-        self.kept.clear();
+        self.told = false;
         self.queues.release();
         self.streams.release();
         if self.blueprint.listens() {
             // Nobody waited until the model had sent them, too.
             self.early.clear();
         }
+    }
+
+    /// The application begins anew: what of its values is stored, and where it begins, it decides.
+    fn forget_application(&mut self) {
+        self.texts.clear();
+        self.kept.clear();
     }
 
     /// Whether the device is about to boot.
@@ -407,6 +416,10 @@ impl<'b> Oracle<'b> {
         self.last = Some(*frame);
         if is_reset(frame) {
             self.release();
+            // Reset communication leaves the objects of the application alone (CIA301-NMT-33).
+            if frame.data.first() == Some(&Service::RESET_NODE.0) {
+                self.forget_application();
+            }
             if self.blueprint.is_in_its_own_time()
                 && let Some(takes) = boots_in(&self.model, self.blueprint.node(), now, Some(frame))
             {
@@ -458,8 +471,10 @@ impl<'b> Oracle<'b> {
         let before = self.model.state();
         if commands(frame, self.blueprint.node()) && self.known.enters() {
             self.release();
+            self.forget_application();
         }
         self.known.hears(frame);
+        self.told |= self.sets_the_clock(frame);
         let open = self.open_process_data(now, frame);
         let sent: Vec<Frame> = self.model.take(now, frame).collect();
         let od = self.model.dictionary();
@@ -616,6 +631,25 @@ impl<'b> Oracle<'b> {
             && cob.is_some_and(|cob| frame.any_data_id() == Some(cob.can_id()))
     }
 
+    /// Whether a frame is a time stamp that the device consumes.
+    fn sets_the_clock(&self, frame: &Frame) -> bool {
+        let cob = self.model.dictionary().int(Mux::new(TIME, 0)).unwrap_or(0) as u32;
+        let consumes = cob & TIME_CONSUMER != 0 && self.model.state() != NmtState::STOPPED;
+        let id = CobId(cob).can_id();
+        consumes && frame.any_data_id() == Some(id) && TimeOfDay::decode(&frame.data).is_ok()
+    }
+
+    /// Whether an answer does not show another time than that of the model, once TIME has set both.
+    fn agrees_in_time(&self, frame: &Frame, expected: &Frame) -> bool {
+        let reads = self.requests[1].as_ref().and_then(Request::reads);
+        let clock = self.blueprint.kept().clock.filter(|clock| self.told && reads == Some(*clock));
+        let time = |frame: &Frame| match (clock, Response::decode(&frame.data).ok()?) {
+            (Some(_), Response::UploadSegment(segment)) => TimeOfDay::decode(&segment.data).ok(),
+            _ => None,
+        };
+        time(frame).zip(time(expected)).is_none_or(|(shown, known)| shown.is_near(known))
+    }
+
     /// Whether the application decides when a TPDO comes.
     fn is_free(&self, tpdo: &identifiers::Tpdo) -> bool {
         let mut mapped = tpdo.mapped.iter();
@@ -739,6 +773,7 @@ impl<'b> Oracle<'b> {
             Class::Sdo if self.refused && sdo::same_code(frame, expected) => true,
             Class::Sdo => {
                 sdo::is_like(frame, expected, &self.requests, &|mux| self.is_volatile(mux))
+                    && self.agrees_in_time(frame, expected)
             }
             Class::Tpdo(tpdo) => {
                 let same = frame.data.len() == expected.data.len() && !frame.remote;
@@ -1079,6 +1114,7 @@ const SYNC: u16 = 0x1005;
 const TIME: u16 = 0x1012;
 /// How much of what a model does by itself is looked at to see whether it will say something.
 const MOST_AHEAD: usize = 256;
+const TIME_CONSUMER: u32 = 1 << 31;
 const SYNC_PERIOD: u16 = 0x1006;
 const HEARTBEAT: u16 = 0x1017;
 /// Emergency error codes of a CAN controller: overrun, error passive, recovered from bus-off,

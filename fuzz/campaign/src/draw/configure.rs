@@ -14,14 +14,22 @@ impl Draw<'_> {
         let mux = match kind {
             Kind::Store | Kind::Restore => return self.storage(kind, scene),
             Kind::ConfigurePdo if whole && self.chance(25) => {
-                return match self.below(5) {
+                return match self.below(6) {
                     0 => self.whole_wait(scene),
+                    1 => self.whole_delay(scene),
                     _ => self.whole_use(scene),
                 };
             }
             Kind::ConfigurePdo => self.of_pdo(scene)?,
             Kind::ConfigureMapping if self.chance(25) => return self.whole_mapping(scene),
             Kind::ConfigureMapping => return self.of_mapping(scene),
+            Kind::ConfigureErrorControl if whole && self.chance(25) => {
+                return match self.below(3) {
+                    0 => self.whole_guarding(scene),
+                    _ => self.whole_monitoring(scene),
+                };
+            }
+            Kind::ConfigureErrors if whole && self.chance(25) => return self.whole_errors(scene),
             Kind::ConfigureErrorControl => {
                 self.one_of(scene, &[0x1017, 0x1017, 0x1016, 0x1016, 0x1016, 0x100C, 0x100D])?
             }
@@ -102,6 +110,9 @@ impl Draw<'_> {
     fn storage(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Action> {
         if kind == Kind::Store && !self.blueprint.is_in_its_own_time() && self.chance(15) {
             return self.whole_startup(scene);
+        }
+        if kind == Kind::Store && !self.blueprint.is_in_its_own_time() && self.chance(30) {
+            return self.whole_memory(scene);
         }
         let (index, right) = match kind {
             Kind::Store => (0x1010, *b"save"),

@@ -8,7 +8,7 @@ use canopen::{Data, Frame, Id, Mux};
 
 use super::configure::communication;
 use super::network::of_another_length;
-use super::values::ANY_ID;
+use super::values::{ANY_ID, RESTRICTED};
 use super::{Draw, Scene};
 use crate::action::{Action, Kind, Then};
 
@@ -27,6 +27,11 @@ pub(super) struct Usage {
 /// Transmission types: at events, with the next SYNC, with each, and on request.
 pub(super) const RPDO_KINDS: [u8; 8] = [255, 254, 0, 1, 1, 1, 2, 240];
 pub(super) const TPDO_KINDS: [u8; 10] = [255, 254, 255, 0, 1, 1, 2, 3, 252, 253];
+/// Sub-indices of the parameters of a PDO.
+const KIND: u8 = 2;
+const INHIBIT_TIME: u8 = 3;
+const EVENT_TIMER: u8 = 5;
+const START_VALUE: u8 = 6;
 /// The producer of SYNC is switched on.
 const PRODUCES: u32 = 1 << 30;
 const SYNC: Mux = Mux::new(0x1005, 0);
@@ -47,7 +52,7 @@ impl Usage {
 }
 
 impl Draw<'_> {
-    fn passes(&mut self, does: Kind, frames: Vec<Frame>, micros: u64) {
+    pub(super) fn passes(&mut self, does: Kind, frames: Vec<Frame>, micros: u64) {
         self.plan(Some(Action::new(does, frames, Then::Wait(micros))));
     }
 
@@ -56,18 +61,23 @@ impl Draw<'_> {
         self.passes(Kind::NmtState, vec![command.frame()], PAUSE);
     }
 
-    fn plan_write(&mut self, kind: Kind, mux: Mux, value: &[u8]) {
+    pub(super) fn plan_write(&mut self, kind: Kind, mux: Mux, value: &[u8]) {
         let write = self.writes(kind, mux, value);
         self.plan(write);
     }
 
     /// Parameters of a PDO that is switched off for them, by their sub-indices.
-    fn plan_parameters(&mut self, index: u16, cob: u32, parameters: &[(u8, u8)]) {
+    fn plan_parameters(&mut self, index: u16, cob: u32, parameters: &[(u8, u16)]) {
         let kind = Kind::ConfigurePdo;
         let switch = Mux::new(index, 1);
         self.plan_write(kind, switch, &(cob | CobId::INVALID).to_le_bytes());
         for (sub, value) in parameters {
-            self.plan_write(kind, Mux::new(index, *sub), &[*value]);
+            let size = if matches!(*sub, INHIBIT_TIME | EVENT_TIMER) { 2 } else { 1 };
+            self.plan_write(kind, Mux::new(index, *sub), &value.to_le_bytes()[..size]);
+        }
+        if self.chance(5) {
+            let restricted = self.pick(&RESTRICTED).unwrap_or_default();
+            self.plan_write(kind, switch, &restricted.to_le_bytes());
         }
         self.plan_write(kind, switch, &(cob & !CobId::INVALID).to_le_bytes());
     }
@@ -97,34 +107,51 @@ impl Draw<'_> {
             // Bit 30 says that the TPDO is not sent on request.
             Direction::Transmit => (&TPDO_KINDS, if self.chance(30) { PRODUCES } else { 0 }),
         };
-        let kind = self.pick(kinds)?;
-        let timed = self.plan_times(&usage, scene);
+        let mut parameters = vec![(KIND, u16::from(self.pick(kinds)?))];
+        parameters.extend(self.times(&usage, scene));
+        let timed = parameters.iter().any(|(sub, time)| *sub == EVENT_TIMER && *time > 0);
         let usage = Usage { cob: usage.cob ^ switches, timed, ..usage };
-        self.plan_parameters(usage.index, usage.cob, &[(2, kind)]);
+        self.plan_parameters(usage.index, usage.cob, &parameters);
         Some(usage)
     }
 
-    /// The times of a PDO, at times: what happens within them, plans come to by themselves. Returns
-    /// whether any runs.
-    fn plan_times(&mut self, usage: &Usage, scene: Scene<'_>) -> bool {
+    /// The times of a PDO, at times: what happens within them, plans come to by themselves.
+    fn times(&mut self, usage: &Usage, scene: Scene<'_>) -> Vec<(u8, u16)> {
         if !self.chance(45) {
-            return false;
+            return Vec::new();
         }
         // The inhibit time counts 100 microseconds; the event timer, and the deadline of an RPDO,
         // milliseconds.
-        let inhibit = (3, [0_u16, 50, 100, 500]);
-        let timer = (5, [0, 5, 20, 50]);
-        let mut runs = false;
-        for (sub, times) in [inhibit, timer] {
-            let mux = Mux::new(usage.index, sub);
-            let received = usage.direction == Direction::Receive && sub == 3;
-            let exists = !received && scene.od.entry(mux).is_some();
-            if let Some(time) = self.pick(&times).filter(|_| exists) {
-                runs |= sub == 5 && time > 0;
-                self.plan_write(Kind::ConfigurePdo, mux, &time.to_le_bytes());
+        let inhibit = (INHIBIT_TIME, [0, 50, 100, 500]);
+        let timer = (EVENT_TIMER, [0, 5, 20, 50]);
+        let times = [inhibit, timer].map(|(sub, times)| {
+            let received = usage.direction == Direction::Receive && sub == INHIBIT_TIME;
+            let exists = !received && scene.od.entry(Mux::new(usage.index, sub)).is_some();
+            self.pick(&times).filter(|_| exists).map(|time| (sub, time))
+        });
+        times.into_iter().flatten().collect()
+    }
+
+    /// A TPDO with an inhibit time, changes within it, and what becomes of the last one.
+    pub(super) fn whole_delay(&mut self, scene: Scene<'_>) -> Option<Action> {
+        let (pdo, direction) = (self.pdos[self.below(2)], Direction::Transmit);
+        let usage = usage(communication(direction) + pdo, direction, scene)?;
+        scene.od.entry(Mux::new(usage.index, INHIBIT_TIME))?;
+        let inhibit: u16 = self.pick(&[50, 100, 500])?;
+        let kind = self.pick(&[254, 255])?;
+        self.plan_parameters(usage.index, usage.cob, &[(KIND, kind), (INHIBIT_TIME, inhibit)]);
+        self.plan_state(Service::START);
+        for _ in 0..2 + self.below(3) {
+            for _ in 0..=self.below(3) {
+                self.plan_change(&usage, scene);
             }
+            if self.chance(40) {
+                self.plan_interruption(&usage, scene);
+            }
+            let time = u64::from(inhibit) * if self.chance(80) { 120 } else { 50 };
+            self.passes(Kind::Wait, Vec::new(), time);
         }
-        runs
+        self.planned.pop_front()
     }
 
     /// PDOs that were mapped or configured are used.
@@ -159,7 +186,7 @@ impl Draw<'_> {
                 8..=10 => self.plan_look(usage),
                 11 | 12 => self.plan_change(usage, scene),
                 13 => self.plan_pause(),
-                _ => self.plan_interruption(usage),
+                _ => self.plan_interruption(usage, scene),
             }
         }
         usages.iter().for_each(|usage| self.plan_look(usage));
@@ -234,12 +261,16 @@ impl Draw<'_> {
     }
 
     /// A PDO, or the node, is switched off and on.
-    fn plan_interruption(&mut self, usage: &Usage) {
+    fn plan_interruption(&mut self, usage: &Usage, scene: Scene<'_>) {
         match self.below(4) {
             0 => self.plan_state(Service::STOP),
             1 => self.plan_state(Service::ENTER_PRE_OPERATIONAL),
             2 => self.plan_reset(),
             _ => return self.plan_parameters(usage.index, usage.cob, &[]),
+        }
+        if self.chance(35) {
+            self.plan_transfer(usage, scene);
+            self.plan_sync(1, scene);
         }
         if self.chance(85) {
             self.plan_state(Service::START);
@@ -267,7 +298,7 @@ impl Draw<'_> {
         let usages = pdos.iter().filter_map(|pdo| usage(0x1400 + pdo, direction, scene));
         let usages = usages.collect::<Vec<_>>();
         for usage in &usages {
-            self.plan_parameters(usage.index, usage.cob, &[(2, kind)]);
+            self.plan_parameters(usage.index, usage.cob, &[(KIND, kind)]);
         }
         self.plan_state(Service::START);
         for _ in 0..2 + self.below(3) {
@@ -277,7 +308,7 @@ impl Draw<'_> {
             let Some(usage) = usages.get(self.below(usages.len())) else { break };
             match self.below(6) {
                 0 => self.plan_change(usage, scene),
-                1 => self.plan_interruption(usage),
+                1 => self.plan_interruption(usage, scene),
                 2 => self.plan_absence(&usages, scene),
                 _ => {}
             }
@@ -309,7 +340,7 @@ impl Draw<'_> {
         let (pdo, direction) = (self.pdos[self.below(2)], Direction::Transmit);
         let usage = usage(communication(direction) + pdo, direction, scene)?;
         let (kind, start) = (self.pick(&[1, 1, 2, 3])?, 1 + self.below(overflow.min(6).into()));
-        self.plan_parameters(usage.index, usage.cob, &[(2, kind), (6, start as u8)]);
+        self.plan_parameters(usage.index, usage.cob, &[(KIND, kind), (START_VALUE, start as u16)]);
         self.plan_state(Service::START);
         let id = CobId(scene.od.int(SYNC)? as u32).can_id();
         let mut counter = self.below(overflow.into()) as u8;
@@ -333,7 +364,7 @@ impl Draw<'_> {
         let usage = usage(communication(direction) + pdo, direction, scene);
         if let Some(usage) = &usage {
             let kind = self.pick(&[1, 1, 2, 0])?;
-            self.plan_parameters(usage.index, usage.cob, &[(2, kind)]);
+            self.plan_parameters(usage.index, usage.cob, &[(KIND, kind)]);
             self.plan_state(Service::START);
         }
         let present = scene.od.int(SYNC)? as u32;
@@ -374,7 +405,7 @@ impl Draw<'_> {
         let (pdo, direction) = (self.pdos[self.below(2)], Direction::Receive);
         let usage = usage(communication(direction) + pdo, direction, scene)?;
         let kind = self.pick(&[0, 1, 1, 2])?;
-        self.plan_parameters(usage.index, usage.cob, &[(2, kind)]);
+        self.plan_parameters(usage.index, usage.cob, &[(KIND, kind)]);
         self.plan_state(Service::START);
         for _ in 0..=self.below(3) {
             let sync = self.sync(Kind::Sync, scene)?;

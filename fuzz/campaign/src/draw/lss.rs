@@ -75,7 +75,14 @@ impl Draw<'_> {
                 false => Request::Identify(Bound::ALL[step], number).frame(),
             })
         });
-        Some(Self::sends_lss(kind, frames.collect::<Option<_>>()?))
+        let asks = Self::sends_lss(kind, frames.collect::<Option<_>>()?);
+        if !switches && self.chance(30) {
+            // It is identified in configuration state as well.
+            let configures = Request::SwitchGlobal(Mode::CONFIGURATION);
+            self.plan(Some(Self::master(Kind::LssSwitch, configures)));
+        }
+        self.plan(Some(asks));
+        self.planned.pop_front()
     }
 
     /// The next step of a sequence, mostly in order.

@@ -54,6 +54,9 @@ impl Draw<'_> {
                 Frame::remote(cob.can_id(), self.pick(&[0, 1, 8])?)
             }
             K::Sync | K::SyncWrong => self.sync(kind, scene)?,
+            K::Time if !self.blueprint.is_in_its_own_time() && self.chance(40) => {
+                return self.whole_time(scene);
+            }
             K::Time | K::TimeWrong => self.time_stamp(kind, scene)?,
             K::Heartbeat | K::HeartbeatWrong | K::Guarding | K::GuardingWrong => {
                 self.error_control(kind, scene)?
@@ -181,7 +184,7 @@ impl Draw<'_> {
         scene.od.has_object(base + number).then_some(base + number)
     }
 
-    fn rpdo(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Frame> {
+    pub(super) fn rpdo(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Frame> {
         let index = self.pdo_index(0x1400, scene)?;
         let cob = CobId(scene.int(index, 1)? as u32);
         if cob.can_id().raw() == 0 {
@@ -219,7 +222,7 @@ impl Draw<'_> {
         })
     }
 
-    fn time_stamp(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Frame> {
+    pub(super) fn time_stamp(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Frame> {
         let id = CobId(scene.od.int(Mux::new(0x1012, 0)).unwrap_or(0x100) as u32).can_id();
         // One bit alone shows which of them is lost.
         let (day, bit) = (1 << self.below(16), 1 << self.below(27));

@@ -1,12 +1,13 @@
 //! Actions that make sense one after the other, and are drawn at once.
 
-use canopen::Mux;
 use canopen::eds::Direction;
 use canopen::heartbeat::guarding_request;
 use canopen::lss::{Fastscan, Mode, Part, Request as Lss, UNCONFIGURED};
 use canopen::nmt::{Command, Service};
 use canopen::pdo::{CobId, Mapping};
 use canopen::sdo::Request;
+use canopen::sdo::block::BlockRequest;
+use canopen::{Frame, Id, Mux};
 
 use super::configure::communication;
 use super::cycles::{RPDO_KINDS, TPDO_KINDS, Usage};
@@ -18,6 +19,7 @@ use crate::talk::Open;
 const AS_PLANNED: u8 = 92;
 /// How many objects are remembered that were written.
 const REMEMBERED: usize = 16;
+const STORES: Kind = Kind::LssStore;
 /// The bits of a PDO.
 const ROOM: u32 = 64;
 
@@ -58,6 +60,20 @@ impl Draw<'_> {
             let read = self.remembered.get(place).copied().map(Request::Upload);
             let read = read.map(|request| self.asks(Kind::Upload, request));
             self.plan(read);
+        }
+    }
+
+    /// What a transfer of several messages has left is read, at times.
+    pub(super) fn plan_to_read_the_subject(&mut self) {
+        if let Some(mux) = self.subject.filter(|_| self.chance(40)) {
+            let read = match self.chance(50) {
+                true => Request::Upload(mux),
+                false => {
+                    Request::Block(BlockRequest::Upload { mux, crc: true, size: 127, threshold: 0 })
+                }
+            };
+            let read = self.asks(Kind::Upload, read);
+            self.plan(Some(read));
         }
     }
 
@@ -116,12 +132,17 @@ impl Draw<'_> {
             let next = self.sdo(kind, scene);
             self.plan(next);
         }
-        if let Some(mux) = self.subject.filter(|_| self.chance(50)) {
-            let again = match scene.talk.open() {
-                Open::Upload | Open::Download => self.asks(Kind::Upload, Request::Upload(mux)),
-                _ => return,
-            };
-            self.plan(Some(again));
+        if !self.chance(50) {
+            return;
+        }
+        match (scene.talk.open(), self.subject) {
+            (Open::Upload | Open::Download, Some(mux)) => {
+                let again = self.asks(Kind::Upload, Request::Upload(mux));
+                self.plan(Some(again));
+            }
+            (Open::BlockDownload, _) => self.wished = Some(Kind::BlockDownload),
+            (Open::BlockUpload, _) => self.wished = Some(Kind::BlockUpload),
+            _ => {}
         }
     }
 
@@ -188,12 +209,13 @@ impl Draw<'_> {
             1 | 2 => places,
             _ => 1 + self.below(places),
         };
-        let (mut entries, mut left) = (Vec::new(), ROOM);
+        // At times, by one byte more than there is room for.
+        let (mut entries, mut left) = (Vec::new(), if self.chance(6) { ROOM + 8 } else { ROOM });
         let (full, small) = (most == places, self.chance(40));
         for _ in 0..3 * most {
             let Some(more) = (most - entries.len()).checked_sub(1) else { break };
             let entry = self.object_to_map(direction)?;
-            let entry = if self.chance(8) { self.gap() } else { entry };
+            let entry = if self.chance(12) { self.gap() } else { entry };
             // As many as there are places for are small ones.
             let room = match full {
                 _ if small => 8,
@@ -211,12 +233,12 @@ impl Draw<'_> {
     /// A device without node id, fastscans of it, and its node id again, mostly.
     pub(super) fn whole_fastscan(&mut self) -> Option<Action> {
         let own = self.node();
-        self.plan_node_id(own, UNCONFIGURED);
+        self.plan_node_id(own, UNCONFIGURED, false);
         for _ in 0..=self.below(3) {
             self.plan_fastscan()?;
         }
         if self.chance(85) {
-            self.plan_node_id(UNCONFIGURED, own);
+            self.plan_node_id(UNCONFIGURED, own, false);
         }
         self.planned.pop_front()
     }
@@ -269,15 +291,21 @@ impl Draw<'_> {
         })
     }
 
-    /// The device gets a node id, and boots with it. One without node id waits for no reset.
-    fn plan_node_id(&mut self, from: u8, to: u8) {
+    /// The device gets a node id, and boots with it, after a power-on where it is stored. One
+    /// without node id waits for no reset.
+    fn plan_node_id(&mut self, from: u8, to: u8, stored: bool) {
         let requests = [
             (Kind::LssSwitch, Lss::SwitchGlobal(Mode::CONFIGURATION)),
             (Kind::LssConfigure, Lss::ConfigureNodeId(to)),
+            (Kind::LssStore, Lss::Store),
             (Kind::LssSwitch, Lss::SwitchGlobal(Mode::WAITING)),
         ];
-        for (kind, request) in requests {
+        for (kind, request) in requests.into_iter().filter(|(kind, _)| stored || *kind != STORES) {
             self.plan(Some(Self::master(kind, request)));
+        }
+        if stored && !self.blueprint.spares(Kind::PowerCycle) {
+            let off_and_on = Action::new(Kind::PowerCycle, Vec::new(), Then::Wait(200_000));
+            return self.plan(Some(off_and_on));
         }
         let reset = Command { service: Service::RESET_COMMUNICATION, node: from };
         let (frames, then) = match from {
@@ -292,11 +320,20 @@ impl Draw<'_> {
         const CLIENTS: [u16; 4] = [0x6A0, 0x6A2, 0x680, 0x190];
         let index = 0x1201 + self.below(2) as u16;
         let to = self.pick(&CLIENTS)?;
+        // With one of them alone, there is no channel.
+        let without = if self.chance(30) { 1 + self.below(2) as u8 } else { 0 };
         for (sub, id) in [(1, to), (2, to + 1)] {
             let mux = Mux::new(index, sub);
             scene.od.entry(mux).filter(|entry| entry.access.writable())?;
-            let write = self.writes(Kind::ConfigureChannel, mux, &u32::from(id).to_le_bytes());
+            let switch = if sub == without { CobId::INVALID } else { 0 };
+            let value = (u32::from(id) | switch).to_le_bytes();
+            let write = self.writes(Kind::ConfigureChannel, mux, &value);
             self.plan(write);
+        }
+        if without > 0 {
+            let request = Request::Upload(Mux::new(0x1018, 1)).frame(self.node());
+            let frame = Frame { id: Id::standard(to), ..request };
+            self.plan(Some(Action::new(Kind::FurtherServer, vec![frame], Then::Wait(2_000))));
         }
         self.planned.pop_front()
     }
@@ -346,8 +383,12 @@ impl Draw<'_> {
     /// The device gets another node id, boots with it, and gets its own one again.
     pub(super) fn whole_renaming(&mut self) -> Option<Action> {
         let other = self.pick(&[125, 127, 127, 1, 126])?;
-        for (from, to) in [(self.node(), other), (other, self.node())] {
-            self.plan_node_id(from, to);
+        let own = self.node();
+        let mut ways = vec![(own, other), (other, own)];
+        ways.extend(Some((own, own)).filter(|_| self.chance(30)));
+        for (from, to) in ways {
+            let stored = self.chance(40);
+            self.plan_node_id(from, to, stored);
             for _ in 0..self.below(3) {
                 let asks = match self.chance(50) {
                     true => Request::Upload(Mux::new(0x1018, 1)).frame(to),

@@ -71,8 +71,13 @@ impl Draw<'_> {
                 Some(self.asks(kind, Request::Block(block)))
             }
             K::BlockStart => {
-                let frame = Request::Block(BlockRequest::UploadStart).frame(self.node());
-                Some(self.sends(kind, vec![frame], SUB_BLOCK))
+                let mut frames = vec![Request::Block(BlockRequest::UploadStart).frame(self.node())];
+                if !self.blueprint.is_in_its_own_time() && self.chance(8) {
+                    // The segments are under way.
+                    let abort = Request::Abort(self.subject?, Abort::GENERAL);
+                    frames.push(abort.frame(self.node()));
+                }
+                Some(self.sends(kind, frames, SUB_BLOCK))
             }
             K::BlockAck | K::BlockAckWrong => self.block_ack(kind, scene),
             K::BlockUploadEnd => {
@@ -316,6 +321,9 @@ impl Draw<'_> {
         let bytes = if self.chance(80) { 7 } else { 1 + self.below(7) };
         let data = Data::new(&rest[..bytes.min(rest.len())]);
         let mut segment = Segment { toggle: *toggle, data, last: data.len() == rest.len() };
+        if segment.last {
+            self.plan_to_read_the_subject();
+        }
         if kind == Kind::DownloadSegmentWrong {
             match self.below(3) {
                 0 => segment.toggle = !segment.toggle,
@@ -358,6 +366,7 @@ impl Draw<'_> {
             return None;
         }
         let mut end = BlockEnd::of(data, true);
+        self.plan_to_read_the_subject();
         if kind == Kind::BlockEndWrong {
             match self.below(4) {
                 0 => end.crc ^= 1,

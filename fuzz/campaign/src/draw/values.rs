@@ -20,7 +20,7 @@ const TIMES: [u16; 20] = [
 /// Identifiers that nobody has by default.
 const FREE: [u32; 8] = [0x190, 0x1F0, 0x290, 0x380, 0x3FE, 0x680, 0x6A0, 0x6C0];
 /// Identifiers that no object may have.
-const RESTRICTED: [u32; 8] = [0x000, 0x001, 0x07F, 0x101, 0x180, 0x581, 0x601, 0x701];
+pub(super) const RESTRICTED: [u32; 8] = [0x000, 0x001, 0x07F, 0x101, 0x180, 0x581, 0x601, 0x701];
 /// The bits of a COB-ID that are the identifier, and how long it is.
 pub(super) const ANY_ID: u32 = 0x3FFF_FFFF;
 const KINDS: [u8; 14] = [0, 1, 2, 3, 4, 239, 240, 241, 251, 252, 253, 254, 255, 255];
@@ -196,6 +196,12 @@ impl Draw<'_> {
             5..=7 => id,
             8..=9 => id | INVALID,
             10 => id | PRODUCES,
+            11 if self.chance(50) => {
+                // That of another PDO, which has it or had it.
+                let base = if self.chance(50) { 0x1400 } else { 0x1800 };
+                let other = scene.int(base + self.pdos[self.below(2)], 1).unwrap_or(0) as u64;
+                other & u64::from(ANY_ID)
+            }
             11 => u64::from(FREE[self.below(FREE.len())]),
             12 => INVALID | u64::from(FREE[self.below(FREE.len())]),
             13 => u64::from(RESTRICTED[self.below(RESTRICTED.len())]),

@@ -44,6 +44,11 @@ impl Request {
         (!self.uploads).then_some(self.mux)
     }
 
+    /// The object that it reads.
+    pub(super) fn reads(&self) -> Option<Mux> {
+        self.uploads.then_some(self.mux)
+    }
+
     /// Whether a frame of the default server confirms it, or a part of it.
     pub(super) fn is_confirmed_by(&self, frame: &Frame, node: u8) -> bool {
         let node = u16::from(node);
