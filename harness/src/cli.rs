@@ -426,21 +426,22 @@ pub struct QualifyArgs {
     /// whether their requirements are named
     #[arg(long, value_name = "SESSIONS")]
     #[arg(conflicts_with_all = ["record", "matrices", "unproved", "why"])]
-    #[arg(value_parser = whole::<u64>(1..=1_000_000))]
+    #[arg(value_parser = whole::<u64>(1..=1_000_000), group = "fuzzes")]
     pub fuzz: Option<u64>,
     /// With --fuzz, guess the requirements of every Nth mutant only, or of none with 0; a guess
     /// takes many times what a finding takes
     #[arg(long, value_name = "N", default_value_t = 1, requires = "fuzz")]
     pub guess_every: usize,
     /// With --fuzz, only the mutants whose name or requirement holds one of these texts, such as
-    /// `--only TPDO,SYNC,boots-twice`
-    #[arg(long = "only", value_name = "TEXT", value_delimiter = ',', requires = "fuzz")]
-    pub mutants: Vec<String>,
+    /// `--only TPDO,SYNC,boots-twice`; with --fuzz-freedoms, only the devices whose name holds one,
+    /// such as `--only personality`, or the mixtures with `--only mixture`
+    #[arg(long, value_name = "TEXT", value_delimiter = ',', requires = "fuzzes")]
+    pub only: Vec<String>,
     /// Fuzz each device with so many sessions instead, as it is, with each freedom, as each
     /// personality and with --mixtures of freedoms, and print what is found: nothing may be
     #[arg(long, value_name = "SESSIONS")]
     #[arg(conflicts_with_all = ["fuzz", "record", "unproved", "why"])]
-    #[arg(value_parser = whole::<u64>(1..=1_000_000))]
+    #[arg(value_parser = whole::<u64>(1..=1_000_000), group = "fuzzes")]
     pub fuzz_freedoms: Option<u64>,
 }
 

@@ -35,6 +35,7 @@ struct Home {
 struct Subject<'h> {
     home: &'h Home,
     deviation: Deviation,
+    is_mixture: bool,
 }
 
 /// What a campaign on it showed.
@@ -64,8 +65,8 @@ pub(super) fn run(args: &QualifyArgs, sessions: u64) -> Result<Exit, Refused> {
         names.iter().map(|name| Home::of(name, &catalogue, args)).collect::<Result<Vec<_>, _>>()?;
     let whole = homes.iter().map(|home| home.freedoms.len()).sum::<usize>().max(1);
     let mixtures = |home: &Home| (args.mixtures * home.freedoms.len()).div_ceil(whole);
-    let subjects: Vec<Subject<'_>> =
-        homes.iter().flat_map(|home| home.subjects(mixtures(home), args.seed)).collect();
+    let subjects = homes.iter().flat_map(|home| home.subjects(mixtures(home), args.seed));
+    let subjects: Vec<Subject<'_>> = subjects.filter(|it| it.is_wanted(&args.only)).collect();
     let line = Progress::with_each(subjects.len(), "devices");
     let fuzzed = parallel::map(subjects, processors(), |subject| {
         line.each(|| subject.fuzzed(args, sessions))
@@ -99,20 +100,34 @@ impl Home {
             .map(|(places, _)| freedom::mixture(places.iter().map(|place| &freedoms[*place])));
         let all = std::iter::once(Deviation::default())
             .chain(freedoms.iter().map(Freedom::deviation))
-            .chain(self.personalities.iter().map(Personality::deviation))
-            .chain(drawn);
-        all.map(|deviation| Subject { home: self, deviation })
+            .chain(self.personalities.iter().map(Personality::deviation));
+        let all = all.map(|deviation| (deviation, false)).chain(drawn.map(|it| (it, true)));
+        all.map(|(deviation, is_mixture)| Subject { home: self, deviation, is_mixture })
     }
 }
 
 impl Subject<'_> {
-    fn fuzzed(self, args: &QualifyArgs, sessions: u64) -> Result<Fuzzed, Refused> {
-        let Self { home, deviation } = self;
-        let device = &home.target.dut.name;
-        let name = match deviation.query.as_str() {
+    /// How a target names it.
+    fn name(&self) -> String {
+        let device = &self.home.target.dut.name;
+        match self.deviation.query.as_str() {
             "" => format!("sim:{device}"),
             query => format!("sim:{device}?{query}"),
+        }
+    }
+
+    /// Whether it is one of those that were asked for; all of them when none was.
+    fn is_wanted(&self, only: &[String]) -> bool {
+        let holds = |text: &String| match text.as_str() {
+            "mixture" => self.is_mixture,
+            text => self.name().contains(text),
         };
+        only.is_empty() || only.iter().any(holds)
+    }
+
+    fn fuzzed(self, args: &QualifyArgs, sessions: u64) -> Result<Fuzzed, Refused> {
+        let name = self.name();
+        let Self { home, deviation, .. } = self;
         let target = home.target.deviating(deviation)?;
         let mut stage = stage::simulated(&target)?;
         let modelled = Modelled::of(&target, &mut stage, None)?;
