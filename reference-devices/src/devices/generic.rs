@@ -33,6 +33,8 @@ pub(crate) struct Generic {
     io: IoBlock,
     client: ClientRecord,
     faults: [Fault; 2],
+    /// Whether a value at the end of its range is an error now.
+    extreme: bool,
 }
 
 /// A terminal of one kind that can break.
@@ -66,6 +68,7 @@ impl Generic {
                 Fault::new("output-fault", EmcyCode(0x2300), 2),
                 Fault::new("input-fault", EmcyCode(0x2100), 3),
             ],
+            extreme: false,
         }
     }
 
@@ -86,11 +89,24 @@ impl Generic {
             *present = wanted;
         }
     }
+
+    /// Lets the error of a value at the end of its range appear or go.
+    fn show_extreme(&mut self, od: &Dictionary, errors: &mut Errors) {
+        let Some(code) = self.rules.extreme_value() else { return };
+        let extreme = EXTREMES.contains(&value(od, LIMITED));
+        match (self.extreme, extreme) {
+            (false, true) => errors.raise(EXTREME, code, register_bit(code), [0; 5]),
+            (true, false) => errors.clear(EXTREME),
+            _ => {}
+        }
+        self.extreme = extreme;
+    }
 }
 
 impl Behaviour for Generic {
     fn reset(&mut self, now: Instant, od: &mut Dictionary) {
         self.simulated = [0; SIMULATED];
+        self.extreme = false;
         if self.rules.fault_seen_after_reset() {
             self.faults.iter_mut().for_each(|fault| fault.present = false);
         }
@@ -154,6 +170,7 @@ impl Behaviour for Generic {
         self.io.run(now, od, errors);
         self.simulate(od, errors);
         self.faults.iter_mut().for_each(|fault| fault.show(errors, &self.rules));
+        self.show_extreme(od, errors);
         let faulty = i64::from(errors.register() != 0);
         let running = i64::from(self.state == NmtState::OPERATIONAL);
         od.set_int(STATUS, faulty | running << 1);
@@ -259,6 +276,11 @@ const SIMULATED_ERROR: u16 = 0x2F40;
 const SIMULATED: usize = 4;
 /// The first number of broken terminals, above those of simulated errors.
 const FAULTS: u16 = 0x100;
+/// The number of the error of a value at the end of its range.
+const EXTREME: u16 = 0x200;
+/// That value, and the ends of its range.
+const LIMITED: Mux = Mux::new(0x2F02, 3);
+const EXTREMES: [i64; 2] = [-1000, 1000];
 
 #[cfg(test)]
 mod tests {

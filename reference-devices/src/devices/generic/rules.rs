@@ -1,6 +1,8 @@
 //! Every decision of the application that a test can observe, and the deviations that override one
 //! of them.
 
+use canopen::emcy::EmcyCode;
+
 use crate::decisions::Layers;
 
 /// All decisions of the application, as its data sheet says.
@@ -18,6 +20,11 @@ decisions! {
     /// Each error of a terminal leads to the state that 1029h says.
     fn each_fault_reacts(&self) -> bool {
         true
+    }
+
+    /// The error of the application while a value has an end of its range (2F02h sub 3): none.
+    fn extreme_value(&self) -> Option<EmcyCode> {
+        None
     }
 
     /// Large data are not looked at (2F20h).
