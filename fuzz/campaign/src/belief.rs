@@ -191,7 +191,7 @@ impl<'b> Belief<'b> {
     /// explains most first.
     fn with_each(&self, now: &Step, logs: &[&[Seen]], but: &[usize]) -> Vec<Step> {
         let (number, place) = now.reached;
-        let all = self.dissenting(&now.used, &logs[number][..=place]);
+        let all = self.dissenting(&now.used, &until(logs[number], place));
         let others = all.into_iter().filter(|freedom| !but.contains(freedom));
         let steps = others.map(|freedom| {
             let used: Vec<usize> = now.used.iter().copied().chain([freedom]).collect();
@@ -262,7 +262,7 @@ impl<'b> Belief<'b> {
         more: usize,
     ) -> Option<Step> {
         let (number, place) = now.reached;
-        let seen = &logs[number][..=place];
+        let seen = &until(logs[number], place);
         let muted = self.blueprint.muted_freedoms(&now.used)?;
         let mut lately = muted.dissenting_lately(self.blueprint, seen, LATELY);
         lately.retain(|freedom| !known.contains(freedom));
@@ -292,6 +292,11 @@ impl<'b> Belief<'b> {
     pub(crate) fn doubtful(&self) -> impl Iterator<Item = &[Seen]> {
         self.doubtful.iter().map(Vec::as_slice)
     }
+}
+
+/// What was seen up to a place and with it.
+fn until(seen: &[Seen], place: usize) -> &[Seen] {
+    &seen[..seen.len().min(place + 1)]
 }
 
 /// Whether an SDO server took a download, or refused something. A freedom that expects the other

@@ -415,7 +415,8 @@ pub fn play(
     Ok(Played { session, seen, end, goals, followed, tried })
 }
 
-/// Judges what was seen before with another model. Returns how far it goes, and what is wrong then.
+/// Judges what was seen before with another model. Returns how far it goes, and what is wrong then:
+/// to its end, where something that came before was to be explained by what follows.
 pub fn judge(
     blueprint: &Blueprint,
     model: Box<dyn Replica>,
@@ -430,10 +431,7 @@ pub fn judge(
             return (place, Some(end));
         }
     }
-    match oracle.unexplained() {
-        None => (seen.len(), None),
-        end => (seen.len().saturating_sub(1), end),
-    }
+    (seen.len(), oracle.unexplained())
 }
 
 /// The state of the network management, for people.

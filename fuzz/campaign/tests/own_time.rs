@@ -7,8 +7,12 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use campaign::session::{self, Played, Script};
-use campaign::{Ask, Belief, Blueprint, Campaign, Finding, Kind, Stage};
-use canopen::{BenchError, Bus, BusError, Device, Frame, Instant, Outbox, Value, VirtualBus};
+use campaign::{
+    Action, Ask, Belief, Blueprint, Campaign, Finding, Judged, Kind, Stage, VirtualDevice,
+};
+use canopen::{
+    BenchError, Bus, BusError, Device, Frame, Instant, Outbox, Value, VirtualBus, eds,
+};
 use common::blueprint;
 use reference_devices::change::{Deviation, Replica};
 use reference_devices::devices::{self, ReferenceDevice};
@@ -230,4 +234,30 @@ fn an_exploration_finds_a_mutant_in_its_own_time() {
     let mutant = mutants.iter().find(|mutant| mutant.name == name).unwrap();
     let (findings, _) = explored(&device, &mutant.deviation(), 4);
     assert!(!findings.is_empty(), "{name}");
+}
+
+/// What came a moment too early waits for what explains it, and must not hide what else is to be
+/// explained until then.
+#[test]
+fn freedoms_that_show_in_the_same_moment_are_learnt() {
+    const AT_ONCE: [&str; 2] = ["mapping-changes-while-valid", "heartbeat-begins-at-once"];
+    const SESSION: &str = r#"[
+        { "does": "download", "frames": ["601#2B17100000010000"],
+          "then": { "answers": { "id": 1409, "count": 1 } } },
+        { "does": "download", "frames": ["601#2F001A0000000000"],
+          "then": { "answers": { "id": 1409, "count": 1 } } }
+    ]"#;
+    let description = &devices::device("generic").unwrap().description;
+    let eds = eds::read(devices::device("generic").unwrap().eds_text().as_bytes()).eds;
+    let blueprint = Blueprint::of_sheet(eds, 1, description.settings.clone()).unwrap();
+    let blueprint = blueprint.in_its_own_time(true);
+    let used = blueprint.freedoms().iter().filter(|it| AT_ONCE.contains(&it.name.as_str()));
+    let mut stage = VirtualDevice::new(blueprint.build(used).unwrap(), 1_000_000);
+    let mut belief = Belief::new(&blueprint, Vec::new()).unwrap();
+    let actions: Vec<Action> = serde_json::from_str(SESSION).unwrap();
+    let played = stage.play(&blueprint, belief.model(), &Script::Actions(&actions)).unwrap();
+    assert_eq!(belief.explain(&played.seen), Judged::Learnt);
+    let mut learnt: Vec<_> = belief.freedoms().map(|freedom| freedom.name.as_str()).collect();
+    learnt.sort_unstable();
+    assert_eq!(learnt, ["heartbeat-begins-at-once", "mapping-changes-while-valid"]);
 }

@@ -180,6 +180,8 @@ pub(super) fn is_like(
         (Response::Abort(mux, _), Response::Upload(other, _)) if mux == other => {
             of(mux).is_some_and(|it| it.may == MayRefuse::Anything)
         }
+        // What an unknown command is about, nobody can say.
+        (Response::Abort(_, Abort::COMMAND), Response::Abort(_, Abort::COMMAND)) => true,
         (Response::Abort(mux, code), model) => {
             let may = of(mux).filter(|it| it.before.is_some()).map(|it| it.may);
             let refuses = matches!(model, Response::Abort(other, _) if other == mux);
