@@ -402,7 +402,7 @@ impl<'b> Oracle<'b> {
 
     fn take(&mut self, now: Instant, frame: &Frame) -> Result<(), End> {
         if let Some(mut request) = sdo::request(frame, self.blueprint, &self.model) {
-            if request.takes_a_time() {
+            if request.may_be_undone() {
                 request.before_it = Some(Box::new(self.before()));
             }
             // Until it is confirmed, nobody knows what is left of a text.

@@ -10,9 +10,7 @@ use campaign::session::{self, Played, Script};
 use campaign::{
     Action, Ask, Belief, Blueprint, Campaign, Finding, Judged, Kind, Stage, VirtualDevice,
 };
-use canopen::{
-    BenchError, Bus, BusError, Device, Frame, Instant, Outbox, Value, VirtualBus, eds,
-};
+use canopen::{BenchError, Bus, BusError, Device, Frame, Instant, Outbox, Value, VirtualBus, eds};
 use common::blueprint;
 use reference_devices::change::{Deviation, Replica};
 use reference_devices::devices::{self, ReferenceDevice};

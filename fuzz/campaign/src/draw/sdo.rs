@@ -65,7 +65,10 @@ impl Draw<'_> {
             K::BlockUpload => {
                 let mux = self.long_or_any(scene, 50)?;
                 let size = self.pick(&[1, 2, 4, 21, 126, 127, 127, 127, 0, 128])?;
-                let threshold = self.pick(&[0, 0, 0, 4, 8, 100, 255])?;
+                // Whether a server that switches to another protocol looks at the size is open.
+                let may_switch = (1..=127).contains(&size);
+                let threshold = self.pick(&[0, 0, 0, 4, 8, 100, 255]).filter(|_| may_switch);
+                let threshold = threshold.unwrap_or(0);
                 let crc = self.chance(80);
                 let block = BlockRequest::Upload { mux, crc, size, threshold };
                 Some(self.asks(kind, Request::Block(block)))

@@ -76,8 +76,8 @@ impl Request {
     }
 
     /// Whether a service takes its value, which the device may refuse.
-    pub(super) fn takes_a_time(&self) -> bool {
-        self.may == MayRefuse::Times && !self.uploads
+    pub(super) fn may_be_undone(&self) -> bool {
+        matches!(self.may, MayRefuse::Some { .. }) && !self.uploads
     }
 }
 
@@ -86,8 +86,13 @@ impl Request {
 enum MayRefuse {
     /// For none.
     Nothing,
-    /// It is a time that its timers cannot run (CIA301-HB-08 and what it stands for).
-    Times,
+    /// For some.
+    Some {
+        /// It is a time that its timers cannot run (CIA301-HB-08 and what it stands for).
+        time: bool,
+        /// It has four bytes, none of which is said to be left out (CIA301-SDO-05).
+        length: bool,
+    },
     /// For those of its application.
     Anything,
 }
@@ -107,10 +112,11 @@ pub(super) fn request(frame: &Frame, blueprint: &Blueprint, model: &Model) -> Op
     if id != default && !further.any(|cob| cob.valid() && cob.can_id() == id) {
         return None;
     }
-    let mut ends = false;
+    let (mut ends, mut length) = (false, false);
     let (mux, uploads) = match sdo::Request::decode(&frame.data).ok()? {
         sdo::Request::Download(mux, how) => {
             ends = matches!(how, Initiate::Expedited(value) if is_off(mux, &value));
+            length = matches!(how, Initiate::Unsized(_));
             (mux, false)
         }
         sdo::Request::Upload(mux) => (mux, true),
@@ -123,8 +129,10 @@ pub(super) fn request(frame: &Frame, blueprint: &Blueprint, model: &Model) -> Op
         // A memory can fail.
         false if blueprint.listens() && matches!(mux.index, 0x1010 | 0x1011) => MayRefuse::Anything,
         // What 0 switches off can be switched off.
-        false if is_time(mux) && !ends => MayRefuse::Times,
-        false => MayRefuse::Nothing,
+        false => match (is_time(mux) && !ends, length) {
+            (false, false) => MayRefuse::Nothing,
+            (time, length) => MayRefuse::Some { time, length },
+        },
     };
     let before = (may != MayRefuse::Nothing).then(|| od.get(mux).map(<[u8]>::to_vec));
     let (before, over) = (before.flatten(), model.transfers());
@@ -188,9 +196,11 @@ pub(super) fn is_like(
             let may = match may {
                 Some(MayRefuse::Anything) if refuses => return STATES.contains(&code),
                 Some(MayRefuse::Anything) => code != Abort::TOGGLE,
-                Some(MayRefuse::Times) => {
-                    matches!(code, Abort::VALUE | Abort::TOO_LOW | Abort::TOO_HIGH)
-                }
+                Some(MayRefuse::Some { time, length }) => match code {
+                    Abort::VALUE | Abort::TOO_LOW | Abort::TOO_HIGH => time,
+                    Abort::LENGTH | Abort::TOO_LONG => length,
+                    _ => false,
+                },
                 Some(MayRefuse::Nothing) | None => false,
             };
             let confirms = match model {
