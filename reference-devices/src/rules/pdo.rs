@@ -30,6 +30,12 @@ decisions! {
         true
     }
 
+    /// A COB-ID is taken that has bit 29, and with it an identifier of 29 bits: of PDOs, SYNC, TIME,
+    /// emergency messages and further SDO channels (7.5.2.35). A device need not have them.
+    fn long_identifiers_taken(&self) -> bool {
+        false
+    }
+
     /// Which identifier a PDO has that does not exist is looked at (7.5.2.35).
     fn restricted_ids_of_invalid_pdos_refused(&self) -> bool {
         false

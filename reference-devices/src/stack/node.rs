@@ -236,8 +236,8 @@ impl Device for Node {
         }
         self.services.show_time(now);
         match frame.remote {
-            // No identifier of this device has 29 bits.
-            _ if frame.id.is_extended() => {}
+            // A controller that has no 29-bit identifiers does not receive them.
+            _ if frame.id.is_extended() && !self.services.base.rules.long_identifiers_taken() => {}
             false => self.handle_data(now, frame.id, frame.data, out),
             true => self.services.handle_remote(now, frame.id, out),
         }
