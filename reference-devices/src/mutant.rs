@@ -13,6 +13,7 @@ use canopen::source::{Complaint, Source, built_in, read_tree};
 
 use crate::change::{Changes, Form, Origin, in_full};
 use crate::devices::{ReferenceDevice, WITH_EVERYTHING};
+use crate::freedom;
 
 pub use data::{Mistake, Mutant, MutantFile};
 
@@ -35,12 +36,13 @@ pub fn sources(device: &ReferenceDevice) -> Vec<Arc<Source>> {
 /// Reads a file of mutants of a family of devices.
 ///
 /// # Errors
-/// What is wrong with it; a name that stands there twice is, too.
+/// What is wrong with it; a name that stands there twice is, too, and a freedom that the stack does
+/// not have.
 pub fn read(source: &Arc<Source>, family: &str) -> Result<Vec<Mutant>, Vec<Complaint>> {
     let form = Form {
         list: "mutants",
-        keys: &["name", "why", "breaks", "on", "as", "canary", "change"],
-        lists: &["breaks", "on"],
+        keys: &["name", "why", "breaks", "on", "uses", "as", "canary", "change"],
+        lists: &["breaks", "on", "uses"],
         change: Changes::One,
         family: Some(family),
     };
@@ -55,8 +57,33 @@ pub fn read(source: &Arc<Source>, family: &str) -> Result<Vec<Mutant>, Vec<Compl
         let message = format!("a mutant {} stands above already", mutant.name);
         (!is_first).then(|| mutant.complain(&["name"], message))
     });
-    let complaints: Vec<_> = twice.collect();
+    let mut complaints: Vec<_> = twice.collect();
+    complaints.extend(find_freedoms(&mut mutants));
     if complaints.is_empty() { Ok(mutants) } else { Err(complaints) }
+}
+
+/// Gives the mutants the freedoms that they use.
+fn find_freedoms(mutants: &mut [Mutant]) -> Vec<Complaint> {
+    if mutants.iter().all(|mutant| mutant.uses.is_empty()) {
+        return Vec::new();
+    }
+    let known = match freedom::common() {
+        Ok(known) => known,
+        Err(complaints) => return complaints,
+    };
+    let mut complaints = Vec::new();
+    for mutant in mutants {
+        for (place, name) in mutant.uses.iter().enumerate() {
+            if let Some(freedom) = known.iter().find(|freedom| freedom.name == *name) {
+                mutant.freedoms.push(freedom.clone());
+                continue;
+            }
+            let meant = did_you_mean(name, known.iter().map(|freedom| freedom.name.as_str()));
+            let message = format!("the stack has no freedom `{name}`{meant}");
+            complaints.push(mutant.complain(&["uses", &place.to_string()], message));
+        }
+    }
+    complaints
 }
 
 /// The mutants that any device can be.

@@ -245,6 +245,9 @@ impl Book {
                 "it changes nothing on the bus: it must survive, or the proof is broken",
             );
         }
+        if !mutant.uses.is_empty() {
+            page.field("uses", &mutant.uses.join(", "));
+        }
         for id in &mutant.breaks {
             if let Some(requirement) = self.library.register.find(id) {
                 page.field("breaks", &format!("{id}: {}", requirement.entry.value.says));

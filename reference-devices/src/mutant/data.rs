@@ -5,6 +5,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use crate::change::{Change, Deviation, On, OnEach, OneOrMore, Origin, Written, WrittenChange};
+use crate::freedom::{Freedom, mixture};
 
 /// A file of mutants, `mutants.yaml`.
 #[derive(Debug, Deserialize, JsonSchema)]
@@ -33,6 +34,9 @@ struct WrittenMutant {
     /// The variants of the device it lives on, where it is proved; the device itself, unless given.
     /// Of several, each has a mutant of its own; a map has the requirements it breaks there.
     on: Option<OnEach>,
+    /// Freedoms of the stack that the device uses besides, where only such a device can have the
+    /// deviation.
+    uses: Option<OneOrMore>,
     /// The mistake in the source of a firmware that leads to such a device; absent for a device
     /// that was built otherwise on purpose.
     #[schemars(rename = "as")]
@@ -59,6 +63,9 @@ pub struct Mutant {
     /// The variants of the device it lives on, where it is proved; the device itself, unless given.
     #[serde(default)]
     pub on: On,
+    /// Freedoms of the stack that the device uses besides, by their names.
+    #[serde(default)]
+    pub uses: Vec<String>,
     /// The mistake in the source of a firmware that leads to such a device; absent for a device
     /// that was built otherwise on purpose.
     #[serde(default, rename = "as")]
@@ -71,6 +78,9 @@ pub struct Mutant {
     pub shared: bool,
     /// The deviation.
     pub(super) change: Change,
+    /// The freedoms that it uses.
+    #[serde(skip)]
+    pub(super) freedoms: Vec<Freedom>,
     /// Where it stands.
     #[serde(skip)]
     pub(super) origin: Origin,
@@ -130,8 +140,15 @@ impl Mutant {
     /// The deviation, to build the device with.
     pub fn deviation(&self) -> Deviation {
         let mut deviation = Deviation::new(format!("mutant={}", self.name));
+        deviation.append(mixture(&self.freedoms));
         deviation.add(self.change.clone(), self.origin.below(&["change"]));
         deviation
+    }
+
+    /// The device without the mistake: with the freedoms that the mutant uses. `None` where it uses
+    /// none.
+    pub fn without_mistake(&self) -> Option<Deviation> {
+        (!self.freedoms.is_empty()).then(|| mixture(&self.freedoms))
     }
 
     /// Whether only the data sheet is wrong, and not the device.

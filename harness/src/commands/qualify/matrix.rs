@@ -162,7 +162,19 @@ impl Matrix {
 
 fn row(clean: &Clean, mutant: &Mutant, fits: &Fits) -> Result<Row, Refused> {
     let meets = |case: &Case| fits(case) && is_tried_on(mutant, case);
-    let ran = clean.deviating(mutant.deviation(), &Wanted::Cases(&meets))?;
+    let wanted = Wanted::Cases(&meets);
+    let mut ran = clean.deviating(mutant.deviation(), &wanted)?;
+    if let Some(deviation) = mutant.without_mistake() {
+        // What is LENIENT without the mistake, too, is no kill.
+        let held: BTreeSet<String> = clean
+            .deviating(deviation, &wanted)?
+            .trials
+            .into_iter()
+            .filter(|trial| trial.kills)
+            .map(|trial| trial.name)
+            .collect();
+        ran.trials.iter_mut().for_each(|trial| trial.kills &= !held.contains(&trial.name));
+    }
     let killing = || ran.trials.iter().filter(|trial| trial.kills);
     let assertions =
         killing().flat_map(|trial| Assertion::proved_by(&trial.case, &trial.shown)).collect();

@@ -115,6 +115,9 @@ impl Why<'_> {
             let says = known.map_or("not in the register", |known| &known.entry.value.says);
             self.field("breaks", &format!("{id}: {says}"));
         }
+        if !mutant.uses.is_empty() {
+            self.field("uses", &mutant.uses.join(", "));
+        }
         self.field("made by", &mutant.made());
         self.field("in", &mutant.stands_in());
     }
