@@ -5,7 +5,7 @@ use std::error::Error;
 use std::io::ErrorKind;
 use std::time::{Duration, Instant};
 
-use socketcan::{CanFrame, CanSocket, EmbeddedFrame, Socket, StandardId};
+use socketcan::{CanFrame, CanSocket, EmbeddedFrame, ExtendedId, Id, Socket, StandardId};
 use zencan_node::common::NodeId;
 use zencan_node::common::messages::{CanId, CanMessage};
 use zencan_node::{Callbacks, Node};
@@ -38,11 +38,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         match socket.read_frame_timeout(TICK) {
             Ok(CanFrame::Data(frame)) => {
-                if let socketcan::Id::Standard(identifier) = frame.id() {
-                    let message = CanMessage::new(CanId::std(identifier.as_raw()), frame.data());
-                    // What is not for this node comes back.
-                    let _ = device::NODE_MBOX.store_message(message);
-                }
+                let identifier = match frame.id() {
+                    Id::Standard(identifier) => CanId::std(identifier.as_raw()),
+                    Id::Extended(identifier) => CanId::extended(identifier.as_raw()),
+                };
+                let message = CanMessage::new(identifier, frame.data());
+                // What is not for this node comes back.
+                let _ = device::NODE_MBOX.store_message(message);
             }
             Ok(_) => {}
             Err(error) if matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock) => {}
@@ -52,8 +54,11 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn send(socket: &CanSocket, message: &CanMessage) -> Result<(), Box<dyn Error>> {
-    let identifier = u16::try_from(message.id().raw())?;
-    let identifier = StandardId::new(identifier).ok_or("an identifier of 11 bits")?;
+    let identifier = match message.id() {
+        CanId::Std(identifier) => StandardId::new(identifier).map(Id::Standard),
+        CanId::Extended(identifier) => ExtendedId::new(identifier).map(Id::Extended),
+    };
+    let identifier = identifier.ok_or("an identifier of 11 or 29 bits")?;
     let frame = CanFrame::new(identifier, message.data()).ok_or("at most 8 bytes")?;
     Ok(socket.write_frame(&frame)?)
 }
