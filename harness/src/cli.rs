@@ -16,6 +16,7 @@ use runner::waivers::{UNEXPLAINED, check_date};
 use crate::argument::whole;
 use crate::device_file::GradeWord;
 use crate::folders::{CatalogueFolder, Folders};
+use crate::plugged::Plugged;
 use crate::target::Selection;
 
 /// Conformance tests for CANopen devices.
@@ -236,6 +237,9 @@ pub struct BookArgs {
     /// The data sheet of the device that the document is for: it says which cases apply
     #[arg(long, value_name = "FILE")]
     pub eds: Option<PathBuf>,
+    /// What is plugged into it.
+    #[command(flatten)]
+    pub modules: Plugged,
     /// The reference device that it is for
     #[arg(long, value_name = "NAME", conflicts_with = "eds")]
     pub device: Option<String>,
@@ -299,6 +303,9 @@ pub struct CheckArgs {
     /// Data sheet of a device to check the suites with as well
     #[arg(long, value_name = "FILE")]
     pub eds: Option<PathBuf>,
+    /// What is plugged into it.
+    #[command(flatten)]
+    pub modules: Plugged,
     /// Its name for the `device` key of suites
     #[arg(long, value_name = "NAME")]
     pub device: Option<String>,
@@ -376,6 +383,9 @@ pub struct InitArgs {
     /// the answers of the device
     #[arg(long, value_name = "FILE")]
     pub eds: Option<PathBuf>,
+    /// What is plugged into it.
+    #[command(flatten)]
+    pub modules: Plugged,
     /// File to write, which must not exist
     #[arg(long, value_name = "FILE", default_value = "device-under-test.yaml")]
     pub out: PathBuf,
@@ -571,6 +581,9 @@ pub struct DeviceArgs {
     /// The data sheet
     #[arg(long, value_name = "FILE")]
     pub eds: Option<PathBuf>,
+    /// What is plugged into it.
+    #[command(flatten)]
+    pub modules: Plugged,
     /// Bit rate of the bus in bit/s
     #[arg(long, value_name = "RATE")]
     pub bitrate: Option<u32>,
@@ -669,6 +682,9 @@ pub enum EdsCommand {
         /// The data sheets
         #[arg(required = true, value_name = "FILE")]
         files: Vec<PathBuf>,
+        /// What is plugged into the device.
+        #[command(flatten)]
+        modules: Plugged,
     },
     /// Generate a data sheet from the answers of a device; settings of its communication are
     /// written with the values that they have, to find out whether they can be
@@ -729,6 +745,9 @@ pub struct DecodeArgs {
     /// Data sheet of one of the nodes: names, values and the mapping of its PDOs
     #[arg(long, value_name = "FILE")]
     pub eds: Option<PathBuf>,
+    /// What is plugged into it.
+    #[command(flatten)]
+    pub modules: Plugged,
     /// Node id of the device with the data sheet
     #[arg(long, value_parser = whole::<u8>(1..=127))]
     pub node: Option<u8>,

@@ -50,6 +50,10 @@ pub struct DutFile {
     /// Its data sheet.
     #[serde(default)]
     pub eds: Option<At<PathBuf>>,
+    /// The modules that are plugged into a modular device, in their order: their numbers in the
+    /// data sheet.
+    #[serde(default)]
+    pub modules: Option<At<Vec<At<u16>>>>,
     /// Its name in reports and for the `device` key of suites.
     #[serde(default)]
     pub device: Option<String>,

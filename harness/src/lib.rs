@@ -24,6 +24,7 @@ pub mod exit;
 mod files;
 pub mod folders;
 mod hook;
+pub mod plugged;
 mod progress;
 mod reporter;
 pub mod rig;

@@ -71,6 +71,7 @@ pub fn resolve(
     stop: &Stop,
 ) -> Result<Vec<Target>, Refused> {
     options::known(&selection.without, catalogue)?;
+    selection.modules.beside(selection.eds.as_deref())?;
     let mut targets = match selection.target.as_deref() {
         None if selection.file.is_some() => Err(Refused::usage(
             "the device file has no `target`, and there is no --target: name the interface that \

@@ -36,6 +36,9 @@ pub(crate) struct Changes {
     pub device_file: Option<PathBuf>,
     /// The data sheet of the user's.
     pub eds: Option<PathBuf>,
+    /// The modules with which it was read, where the user named them.
+    #[serde(default)]
+    pub modules: Vec<u16>,
     /// The identity that the device reported.
     pub identity: Identity,
     /// The process that made the changes.
@@ -251,6 +254,7 @@ mod tests {
             protected: false,
             device_file: None,
             eds: None,
+            modules: Vec::new(),
             identity: Identity::default(),
             process: u32::MAX,
             stores: false,

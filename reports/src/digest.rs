@@ -201,6 +201,7 @@ impl<'r> Device<'r> {
         if let Some(sheet) = &info.sheet {
             about.push(("data sheet", Some(clean(&sheet.file))));
             about.push(("its SHA-256", Some(sheet.sha256.clone())));
+            about.push(("modules", sheet.modules_in_words()));
         }
         about.push(("remark", info.remark.as_deref().map(clean)));
         let counts = device.counts();

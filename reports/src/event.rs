@@ -176,6 +176,9 @@ pub struct SheetUsed {
     pub file: String,
     /// Its SHA-256 in hexadecimal, as `sha256sum` prints it.
     pub sha256: String,
+    /// The modules of a modular device with which it was read, in their order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub modules: Vec<u16>,
 }
 
 /// One instance of a case. The parts in common with the other instances are shared with them,
@@ -339,6 +342,14 @@ fn no_names(names: &Arc<ObjectNames>) -> bool {
 
 fn no_pdos(pdos: &Arc<PdoLayout>) -> bool {
     pdos.is_empty()
+}
+
+impl SheetUsed {
+    /// The modules, where there are any: `1, 3, 3`.
+    pub(crate) fn modules_in_words(&self) -> Option<String> {
+        let numbers: Vec<String> = self.modules.iter().map(u16::to_string).collect();
+        (!numbers.is_empty()).then(|| numbers.join(", "))
+    }
 }
 
 impl CaseEnded {

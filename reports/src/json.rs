@@ -163,6 +163,9 @@ struct Device<'r> {
     bit_rate: Option<u32>,
     data_sheet: Option<&'r str>,
     data_sheet_sha256: Option<&'r str>,
+    /// The modules of a modular device with which the data sheet was read, in their order.
+    #[serde(skip_serializing_if = "<[u16]>::is_empty")]
+    modules: &'r [u16],
     remark: Option<&'r str>,
     /// What the frames of the run show, without tests of their own.
     characteristics: Vec<Characteristic>,
@@ -352,6 +355,7 @@ impl<'r> Device<'r> {
             bit_rate: info.bit_rate,
             data_sheet: info.sheet.as_ref().map(|it| it.file.as_str()),
             data_sheet_sha256: info.sheet.as_ref().map(|it| it.sha256.as_str()),
+            modules: info.sheet.as_ref().map_or(&[], |it| &it.modules),
             remark: info.remark.as_deref(),
             characteristics: device.characteristics(),
             counts: counted(device.counts()),

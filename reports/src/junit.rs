@@ -10,7 +10,7 @@ use std::io::{self, Write};
 
 use junit_report::{Duration, OffsetDateTime, ReportBuilder, TestCase, TestCaseBuilder, TestSuite};
 
-use crate::event::CaseStarted;
+use crate::event::{CaseStarted, SheetUsed};
 use crate::fact::{Noticed, facts};
 use crate::run::{CaseRun, DeviceRun, Run, SuiteRun};
 use crate::style::Style;
@@ -74,6 +74,7 @@ fn properties(run: &Run, device: &DeviceRun) -> String {
         ("software-version", versions.software.clone()),
         ("data-sheet", sheet.map(|sheet| sheet.file.clone())),
         ("data-sheet-sha256", sheet.map(|sheet| sheet.sha256.clone())),
+        ("modules", sheet.and_then(SheetUsed::modules_in_words)),
     ];
     let mut text = String::from("<properties>\n");
     for (name, value) in properties {

@@ -76,6 +76,7 @@ impl CheckArgs {
         let selection = Selection {
             dut: self.dut.clone(),
             eds: self.eds.clone(),
+            modules: self.modules.clone(),
             device: self.device.clone(),
             folders: self.folders.clone(),
             ..Selection::of_target(None)
@@ -91,6 +92,7 @@ impl DeviceArgs {
             dut: self.dut.clone(),
             node: self.node,
             eds: self.eds.clone(),
+            modules: self.modules.clone(),
             bitrate: self.bitrate,
             bench: self.bench.clone(),
             ..Selection::of_target(self.target.as_deref())

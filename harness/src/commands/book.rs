@@ -31,6 +31,8 @@ pub(super) fn run(args: &BookArgs) -> Result<Exit, Refused> {
         Selection::of_target(args.device.as_ref().map(|name| format!("sim:{name}")).as_deref());
     selection.folders = args.folders.clone();
     selection.node = args.node;
+    selection.modules = args.modules.clone();
+    selection.modules.beside(args.eds.as_deref())?;
     let library = args.folders.load()?;
     let dut = match (&args.eds, &args.device) {
         (Some(eds), _) => Some(target::dut_of_file(&selection, eds)?),

@@ -150,6 +150,7 @@ fn of_the_program(library: &Library) -> Library {
 /// # Errors
 /// When the data sheet cannot be read, or nothing names one.
 fn own_dut(args: &CheckArgs, selection: &Selection) -> Result<Option<Dut>, Refused> {
+    selection.modules.beside(selection.eds.as_deref())?;
     match (&selection.eds, &args.dut, &args.device) {
         (Some(eds), ..) => target::dut_of_file(selection, eds).map(Some),
         (None, Some(file), _) => Err(Refused::usage(format!(

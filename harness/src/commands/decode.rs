@@ -36,9 +36,10 @@ pub(super) fn run(args: &DecodeArgs) -> Result<Exit, Refused> {
 
 /// The device of which the user names the data sheet.
 fn described(args: &DecodeArgs, catalogue: &Catalogue) -> Result<Option<Described>, Refused> {
+    args.modules.beside(args.eds.as_deref())?;
     Ok(match (&args.eds, &args.device) {
         (Some(path), _) => {
-            let (sheet, eds) = read_eds(path)?;
+            let (sheet, eds) = read_eds(path, &args.modules)?;
             let node = args.node.ok_or_else(|| {
                 Refused::usage("--eds describes one device: --node says which node it is")
             })?;

@@ -6,7 +6,7 @@ use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use canopen::eds::{self, Eds, Severity};
+use canopen::eds::{self, Eds, Module, Severity};
 use runner::stop::Stop;
 use runner::suite::step::Step;
 use runner::suite::{Level, Library};
@@ -16,6 +16,7 @@ use crate::cli::{EdsCommand, ProbeArgs, SheetFormat};
 use crate::exit::{Exit, Refused};
 use crate::files::{LARGEST, read, words};
 use crate::folders::Folders;
+use crate::plugged::Plugged;
 use crate::reporter::say;
 use crate::target::{self, Address, DEFAULT_BIT_RATE, Selection, compose, reference_device, scan};
 
@@ -25,7 +26,7 @@ use crate::target::{self, Address, DEFAULT_BIT_RATE, Selection, compose, referen
 /// When a file cannot be read or written, or the device is unknown.
 pub(super) fn run(command: &EdsCommand, stop: &Stop) -> Result<Exit, Refused> {
     match command {
-        EdsCommand::Check { files } => check(files),
+        EdsCommand::Check { files, modules } => check(files, modules),
         EdsCommand::Probe(args) => probe(args, stop),
         EdsCommand::Write { device, format, out, catalogue } => {
             let device = reference_device(device, &*catalogue.load()?)?;
@@ -44,12 +45,13 @@ pub(super) fn run(command: &EdsCommand, stop: &Stop) -> Result<Exit, Refused> {
 }
 
 /// Checks one data sheet after the other; the worst decides.
-fn check(paths: &[PathBuf]) -> Result<Exit, Refused> {
+fn check(paths: &[PathBuf], modules: &Plugged) -> Result<Exit, Refused> {
     let (none, mut judges) = (BTreeMap::new(), None);
     let mut worst = Exit::Green;
     for path in paths {
         let bytes = read(path, LARGEST).map_err(|error| file_error(path, &error))?;
-        let reading = eds::read(&bytes);
+        let connected = modules.of_sheet(&path.display().to_string(), &bytes)?;
+        let reading = eds::read_with_modules(&bytes, connected);
         let judges = match reading.diagnostics.is_empty() {
             true => &none,
             false => &*judges.get_or_insert_with(judges_of_sheets),
@@ -92,6 +94,12 @@ fn report(
             let verdict = if *must { "fails" } else { "is LENIENT" };
             _ = writeln!(report, "{:gutter$} = {case} {verdict} on this", "");
         }
+        if diagnostic.code == MODULE {
+            for module in &reading.modules.supported {
+                let Module { number, name } = module;
+                _ = writeln!(report, "{:gutter$} = module {number}: {name}", "");
+            }
+        }
         report.push('\n');
     }
     let errors = diagnostics.iter().any(|found| found.severity == Severity::Error);
@@ -103,6 +111,9 @@ fn report(
     };
     (report, exit)
 }
+
+/// The finding in a sheet that leaves its modules to the user.
+const MODULE: &str = "eds-module";
 
 /// As much of a line as can be read, and the column there: some editors write XML in one line.
 fn around(line: &str, column: usize) -> (String, usize) {

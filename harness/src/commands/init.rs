@@ -29,6 +29,7 @@ pub(super) fn run(args: &InitArgs, stop: &Stop) -> Result<Exit, Refused> {
     if args.out.exists() {
         return Err(is_there(&args.out));
     }
+    args.modules.beside(args.eds.as_deref())?;
     let catalogue = args.catalogue.load()?;
     let (mut bus, node, bit_rate) = open(args, &catalogue, stop)?;
     let found = target::only(
@@ -82,7 +83,7 @@ fn sheet(
     catalogue: &canopen::catalogue::Catalogue,
 ) -> Result<(Sheet, Eds), Refused> {
     if let Some(path) = &args.eds {
-        let (_, eds) = target::read_eds(path)?;
+        let (_, eds) = target::read_eds(path, &args.modules)?;
         return Ok((Sheet::Given(path.clone()), eds));
     }
     if let Some(name) = &found.device {
@@ -197,7 +198,12 @@ fn say_sheet(text: &mut String, args: &InitArgs, sheet: &Sheet, eds: &Eds) {
     };
     let count = eds.objects.len();
     match sheet {
-        Sheet::Given(path) => _ = writeln!(text, "eds: {}  # {count} objects", relative(path)),
+        Sheet::Given(path) => {
+            _ = writeln!(text, "eds: {}  # {count} objects", relative(path));
+            if args.modules.is_said() {
+                _ = writeln!(text, "modules: {:?}", args.modules.numbers());
+            }
+        }
         Sheet::OfProgram(name) => {
             _ = writeln!(text, "# The data sheet of this device is part of the program.");
             _ = writeln!(text, "# eds: my.eds");

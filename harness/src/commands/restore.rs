@@ -15,6 +15,7 @@ use super::counted::counted;
 use crate::bus::Interface;
 use crate::cli::RestoreArgs;
 use crate::exit::{Exit, Refused};
+use crate::plugged::Plugged;
 use crate::reporter::say;
 use crate::target::{DEFAULT_BIT_RATE, Selection, dut_of_file, open_interface, protect};
 use crate::undo_log::{self, Changes};
@@ -149,6 +150,7 @@ fn dut(changes: &Changes) -> Result<Dut, Refused> {
         selection.others = found.others;
     }
     selection.bitrate = changes.bit_rate;
+    selection.modules = Plugged::of(&changes.modules);
     let mut dut = match &changes.eds {
         Some(path) => dut_of_file(&selection, path)?,
         None => {

@@ -451,6 +451,7 @@ pub(super) fn undo(target: &Target, selection: &Selection) -> Undo {
             .any(|deed| dut.protection.refuses(deed).is_some()),
         device_file: absolute(&selection.dut),
         eds: absolute(&selection.eds),
+        modules: selection.modules.numbers().to_vec(),
         identity: Identity::default(),
         process: std::process::id(),
         stores: false,

@@ -9,6 +9,7 @@ use super::several::Other;
 use crate::argument::whole;
 use crate::device_file::DeviceFile;
 use crate::folders::Folders;
+use crate::plugged::Plugged;
 use crate::rig::Rigs;
 
 /// Bit rate of the virtual bus, and of one that nobody knows, unless something else is said, in
@@ -40,6 +41,9 @@ pub struct Selection {
     /// Data sheet of the device; without it, one in this program that matches its identity
     #[arg(long, value_name = "FILE")]
     pub eds: Option<PathBuf>,
+    /// What is plugged into it.
+    #[command(flatten)]
+    pub modules: Plugged,
     /// Name of the device in reports and for the `device` key of suites
     #[arg(long, value_name = "NAME")]
     pub device: Option<String>,
@@ -85,6 +89,7 @@ impl Selection {
             target: target.map(str::to_owned),
             node: None,
             eds: None,
+            modules: Plugged::default(),
             device: None,
             folders: Folders::default(),
             bitrate: None,
@@ -103,6 +108,7 @@ impl Selection {
         if let Some(path) = &self.eds {
             options.push_str(&format!(" --eds {}", path.display()));
         }
+        options.push_str(&self.modules.option());
         if let (Some(_), Some(name)) = (&self.target, &self.device) {
             options.push_str(&format!(" --device {name}"));
         }
@@ -146,6 +152,7 @@ impl Selection {
         self.target = target;
         self.bench = self.bench.take().or_else(|| other.bench.clone());
         (self.device, self.node, self.eds) = (None, None, None);
+        self.modules = Plugged::default();
     }
 
     /// The targets, of which there are several after [`join`](Self::join).
@@ -160,6 +167,9 @@ impl Selection {
         self.node = self.node.or_else(|| said.node.as_ref().map(|node| node.value));
         let eds = || said.eds.as_ref().map(|path| file.path(&path.value));
         self.eds = self.eds.take().or_else(eds);
+        if let Some(row) = said.modules.as_ref().filter(|_| !self.modules.is_said()) {
+            self.modules = Plugged::in_file(&file.source, row);
+        }
         self.device = self.device.take().or_else(|| said.device.clone());
         self.bitrate = self.bitrate.or_else(|| said.bit_rate.as_ref().map(|rate| rate.value));
         self.bench = self.bench.take().or_else(|| file.bench());

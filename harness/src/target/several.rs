@@ -56,9 +56,12 @@ impl Selection {
                 let node = self.node.unwrap_or_default();
                 Err(Refused::usage(format!("none of the nodes in {path} has `node: {node}`")))
             }
-            2.. if self.eds.is_some() || self.device.is_some() => Err(Refused::usage(format!(
-                "--eds and --device are about one device: --node chooses one of those in {path}"
-            ))),
+            2.. if self.eds.is_some() || self.modules.is_said() || self.device.is_some() => {
+                Err(Refused::usage(format!(
+                    "--eds, --modules and --device are about one device: --node chooses one of \
+                     those in {path}"
+                )))
+            }
             _ => Ok(chosen),
         }
     }

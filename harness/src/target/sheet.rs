@@ -20,6 +20,7 @@ use super::scan::Found;
 use super::{DEFAULT_BIT_RATE, Selection};
 use crate::exit::{Exit, Refused};
 use crate::files::{LARGEST, read, words};
+use crate::plugged::Plugged;
 
 /// The data sheets of the reference devices of the same vendor and product, by the
 /// names by which suites ask for them.
@@ -33,19 +34,22 @@ pub fn models(eds: &Eds) -> BTreeMap<&'static str, &'static Eds> {
     models.filter(own).map(|model| (model.device.as_str(), &*model.eds)).collect()
 }
 
-/// Reads a data sheet; reports its errors, and continues with the rest.
+/// Reads a data sheet, with the modules that are plugged; reports its errors, and continues with the
+/// rest.
 ///
 /// # Errors
-/// When it cannot be read at all.
-pub(crate) fn read_eds(path: &Path) -> Result<(Sheet, Eds), Refused> {
+/// When it cannot be read at all, or does not have these modules.
+pub(crate) fn read_eds(path: &Path, modules: &Plugged) -> Result<(Sheet, Eds), Refused> {
     let bytes = read(path, LARGEST).map_err(|error| Refused {
         exit: Exit::File,
         message: format!("error: {}: {}", path.display(), words(&error)),
     })?;
-    let (sheet, eds) = Sheet::read(path.display().to_string(), &bytes);
+    let name = path.display().to_string();
+    let connected = modules.of_sheet(&name, &bytes)?;
+    let (sheet, eds) = Sheet::read_with_modules(name, &bytes, connected);
     if sheet.diagnostics.iter().any(|found| found.severity == Severity::Error) {
-        let path = path.display();
-        complain!("warning: {path} has errors; `harness eds check {path}` shows them");
+        let (path, modules) = (path.display(), modules.option());
+        complain!("warning: {path} has errors; `harness eds check {path}{modules}` shows them");
     }
     if eds.objects.is_empty() {
         let message = format!("error: {}: this data sheet has no objects", path.display());
@@ -59,7 +63,7 @@ pub(crate) fn read_eds(path: &Path) -> Result<(Sheet, Eds), Refused> {
 /// # Errors
 /// As [`read_eds`].
 pub(crate) fn dut_of_file(selection: &Selection, path: &Path) -> Result<Dut, Refused> {
-    let (sheet, eds) = read_eds(path)?;
+    let (sheet, eds) = read_eds(path, &selection.modules)?;
     let mut dut = Dut {
         sheet: Arc::new(sheet),
         bit_rate: selection.bitrate.or(Some(DEFAULT_BIT_RATE)),
@@ -99,7 +103,7 @@ pub(super) fn of_found(
     catalogue: &Catalogue,
 ) -> Result<(String, (Sheet, Eds)), Refused> {
     if let Some(path) = &selection.eds {
-        return Ok((name_of(selection, path), read_eds(path)?));
+        return Ok((name_of(selection, path), read_eds(path, &selection.modules)?));
     }
     let name = match &selection.device {
         Some(name) => Some(name.clone()),

@@ -35,7 +35,7 @@ pub(super) fn target(
     let deviation = deviation.map(|named| named.find(&device)).transpose()?.map(Box::new);
     // The harness knows a reference device as it knows any: by its data sheet.
     let (sheet, eds) = match &selection.eds {
-        Some(path) => read_eds(path)?,
+        Some(path) => read_eds(path, &selection.modules)?,
         None => own_sheet(&device, deviation.as_deref())?,
     };
     let node = selection.node.unwrap_or_else(|| device.description.default_node);

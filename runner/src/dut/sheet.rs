@@ -1,5 +1,6 @@
 //! Data sheets as files: their statements, the places of these, and mistakes in them.
 
+use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
 use canopen::Mux;
@@ -26,6 +27,10 @@ pub struct Sheet {
     pub composed: bool,
     /// SHA-256 of the file, in hexadecimal.
     sha256: String,
+    /// The modules that are connected, by their numbers in the sheet.
+    modules: Vec<u16>,
+    /// The lines of the sections of modules, by the entries that they bring.
+    of_modules: BTreeMap<Mux, usize>,
     /// The names of its objects.
     pub names: Arc<ObjectNames>,
     /// What its process data objects carry.
@@ -37,26 +42,49 @@ pub struct Sheet {
 impl Sheet {
     /// Reads a data sheet in any encoding.
     pub fn read(name: impl Into<String>, bytes: &[u8]) -> (Self, Eds) {
-        let reading = eds::read(bytes);
+        Self::read_with_modules(name, bytes, None)
+    }
+
+    /// The same with the numbers of the modules at places 1, 2, 3 and so on, instead of those that
+    /// the sheet says are connected.
+    pub fn read_with_modules(
+        name: impl Into<String>,
+        bytes: &[u8],
+        connected: Option<&[u16]>,
+    ) -> (Self, Eds) {
+        let reading = eds::read_with_modules(bytes, connected);
         let source = Source { name: name.into(), text: eds::decode(bytes).into_owned().into() };
         let diagnostics = reading.diagnostics;
         let composed = source.line(1).trim_start_matches([';', ' ']) == COMPOSED;
         let sha256 = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
         let names = Arc::new(reading.eds.objects.iter().flat_map(names).collect());
         let pdos = Arc::new(PdoLayout::of(&reading.eds));
-        let (trusted, places) = (false, OnceLock::new());
-        let sheet = Self { source, diagnostics, trusted, composed, sha256, names, pdos, places };
+        let sheet = Self {
+            source,
+            diagnostics,
+            trusted: false,
+            composed,
+            sha256,
+            modules: reading.modules.connected.unwrap_or_default(),
+            of_modules: reading.modules.entries,
+            names,
+            pdos,
+            places: OnceLock::new(),
+        };
         (sheet, reading.eds)
     }
 
     /// The sheet as reports name it.
     pub(crate) fn used(&self) -> SheetUsed {
-        SheetUsed { file: self.source.name.clone(), sha256: self.sha256.clone() }
+        let (file, sha256) = (self.source.name.clone(), self.sha256.clone());
+        SheetUsed { file, sha256, modules: self.modules.clone() }
     }
 
     /// Where it says `key` of an entry, or speaks of the entry at all.
     pub fn place_of(&self, mux: Mux, key: Option<&str>) -> Option<Place> {
-        self.places.get_or_init(|| Places::of(&self.source.text)).of_entry(mux, key)
+        let places = self.places.get_or_init(|| Places::of(&self.source.text));
+        let of_module = self.of_modules.get(&mux).and_then(|line| places.of_module(*line, key));
+        of_module.or_else(|| places.of_entry(mux, key))
     }
 }
 
@@ -68,4 +96,24 @@ fn names(object: &Object) -> impl Iterator<Item = (Mux, String)> + '_ {
         let name = if of_object { &object.name } else { &entry.name };
         (entry.mux, name.clone())
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_module_brings_is_said_in_its_section() {
+        let bytes = include_bytes!("../../../canopen/tests/eds/module.eds");
+        let (sheet, _) = Sheet::read_with_modules("module.eds", bytes, Some(&[2, 1, 1]));
+        for (mux, key, line) in [
+            (Mux::new(0x6000, 2), Some("DataType"), "DataType=0x0005"),
+            (Mux::new(0x6000, 2), None, "[M1SubExt6000]"),
+            (Mux::new(0x2000, 0), Some("DefaultValue"), "DefaultValue=5"),
+        ] {
+            let place = sheet.place_of(mux, key).unwrap();
+            assert_eq!(sheet.source.line(place.line), line, "{mux}");
+        }
+        assert_eq!(sheet.used().modules, [2, 1, 1]);
+    }
 }

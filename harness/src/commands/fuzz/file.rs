@@ -10,6 +10,7 @@ use super::causes::Cause;
 use crate::cli::{CampaignArgs, DeviceArgs};
 use crate::exit::{Exit, Refused};
 use crate::files::words;
+use crate::plugged::Plugged;
 use crate::target::Target;
 
 /// A finding.
@@ -49,6 +50,8 @@ pub(super) struct Device {
     node: u8,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     eds: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    modules: Vec<u16>,
 }
 
 impl FindingFile {
@@ -68,6 +71,7 @@ impl FindingFile {
                 target: args.device.target.clone(),
                 node: target.dut.node,
                 eds: args.device.eds.clone(),
+                modules: args.device.modules.numbers().to_vec(),
             },
             seed: args.seed,
             session: finding.number,
@@ -116,7 +120,8 @@ impl FindingFile {
         if given.target.is_some() || given.dut.is_some() {
             return given.clone();
         }
-        let Device { dut, target, node, eds } = self.device.clone();
-        DeviceArgs { dut, target, node: Some(node), eds, ..given.clone() }
+        let Device { dut, target, node, eds, modules } = self.device.clone();
+        let modules = Plugged::of(&modules);
+        DeviceArgs { dut, target, node: Some(node), eds, modules, ..given.clone() }
     }
 }

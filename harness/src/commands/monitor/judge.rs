@@ -16,6 +16,7 @@ use super::summary::Summary;
 use crate::cli::MonitorArgs;
 use crate::commands::decode::Described;
 use crate::exit::Refused;
+use crate::plugged::Plugged;
 use crate::target::{DEFAULT_BIT_RATE, read_eds, reference_device};
 
 /// A device of which the data sheet is known.
@@ -43,7 +44,7 @@ pub(super) fn known(args: &MonitorArgs, catalogue: &Catalogue) -> Result<Vec<Kno
         ));
     }
     for (path, node) in args.eds.iter().zip(&args.node) {
-        let (sheet, eds) = read_eds(path)?;
+        let (sheet, eds) = read_eds(path, &Plugged::default())?;
         let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
         let described = Described::new(*node, &sheet, eds);
         let name = stem.unwrap_or_else(|| "device".to_owned());
