@@ -15,6 +15,7 @@ pub mod describe;
 pub mod devices;
 pub mod freedom;
 pub mod mutant;
+pub mod partner;
 mod profiles;
 pub mod rules;
 pub mod stack;

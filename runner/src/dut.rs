@@ -43,6 +43,8 @@ pub struct Dut {
     /// The other nodes of its bus that are known: they are watched, and kept from what is meant for
     /// the device.
     pub other_nodes: Vec<OtherNode>,
+    /// The one of them that cases may change, or one that is simulated beside a simulated device.
+    pub partner: Option<OtherNode>,
     /// Whether it is a program on a machine that can be too busy to run it in time.
     pub shares_its_machine: bool,
     /// Bit rate of its bus in bit/s, when it is known.
@@ -118,6 +120,7 @@ impl Dut {
             interface: None,
             shares_its_bus: false,
             other_nodes: Vec::new(),
+            partner: None,
             shares_its_machine: false,
             bit_rate: None,
             times: None,

@@ -160,6 +160,7 @@ fn report(plan: &Plan, verbose: bool) -> String {
     objects(&mut text, &sum, dut);
     resets(&mut text, &sum, dut);
     services(&mut text, &sum);
+    other_node(&mut text, &sum, dut);
     protected(&mut text, &sum, verbose);
     text
 }
@@ -220,6 +221,15 @@ fn services(text: &mut String, sum: &Sum) {
     let of_lss = [Deed::NodeId, Deed::BitTiming, Deed::StoreLss];
     if sum.stores.is_empty() && !of_lss.iter().any(|deed| sum.cases.contains_key(deed)) {
         _ = writeln!(text, "  nothing");
+    }
+}
+
+/// A simulated node beside a simulated device concerns nobody.
+fn other_node(text: &mut String, sum: &Sum, dut: &Dut) {
+    let other = dut.partner.as_ref().filter(|partner| dut.other_nodes.contains(partner));
+    if let (Some(other), Some(cases)) = (other, sum.cases.get(&Deed::Partner)) {
+        _ = writeln!(text, "\nwritten in another node, and set back");
+        _ = writeln!(text, "  1017:00 of {other}: {}", counted(*cases, "case"));
     }
 }
 

@@ -8,6 +8,7 @@ use std::time::Duration;
 use canopen::{Device, Instant, VirtualBus};
 use reference_devices::change::Deviation;
 use reference_devices::devices::{self, ReferenceDevice};
+use reference_devices::partner::Partner;
 use reference_devices::stack::NodeSettings;
 use reports::{CaseEnded, Event, Outcome, journal};
 use runner::dut::{Dut, Hooks};
@@ -127,6 +128,9 @@ fn rehearse(library: &Library, plan: &Plan, stop: &Stop) -> Option<Times> {
     let bit_rate = plan.dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE);
     let mut bus = VirtualBus::new(bit_rate);
     bus.attach_boxed(model(&plan.dut, bit_rate)?);
+    if let Some(partner) = &plan.dut.partner {
+        bus.attach(Partner::new(partner.node));
+    }
     let dut = Dut {
         own_bench: false,
         interface: None,

@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use canopen::{BusError, Instant};
 use reports::{Event, Identity, Note, Run, RunEnded, RunStarted, Verdict};
+use runner::dut::OtherNode;
 use runner::parallel::{self, InTurn, processors};
 use runner::plan::{Instance, Plan};
 use runner::protect::Deed;
@@ -369,7 +370,7 @@ impl Sessions<'_> {
         let Common { args, library, waivers, .. } = &self.commons[*common];
         let (stop, undo) = (self.stop.of_session(), undo(target, &args.selection));
         let mut tell = |event| {
-            if let Some(why) = undo.failure() {
+            if let Some(why) = undo.failure().or_else(|| undo.of_partner().failure()) {
                 complain!("warning: {why}");
             }
             tell(event);
@@ -414,11 +415,13 @@ impl Sessions<'_> {
                 ending
             }
         };
-        if let Some(changed) = undo.said() {
+        let own = OtherNode { name: target.dut.name.clone(), node: target.dut.node };
+        let partner = target.dut.partner.iter().map(|partner| (partner, undo.of_partner()));
+        for (node, undo) in [(&own, &undo)].into_iter().chain(partner) {
+            let Some(changed) = undo.said() else { continue };
             let log = undo.log_name();
             let log = log.map(|name| format!("; `harness restore {name}` sets this back"));
-            let (name, node) = (&target.dut.name, target.dut.node);
-            let why = format!("{name}, node {node}: {changed}{}", log.unwrap_or_default());
+            let why = format!("{node}: {changed}{}", log.unwrap_or_default());
             tell(Event::Note(Note { at: Instant::ZERO, text: why.clone() }));
             complain!("warning: {}", harmless(&why));
         }
@@ -458,7 +461,20 @@ pub(super) fn undo(target: &Target, selection: &Selection) -> Undo {
         objects: BTreeMap::new(),
         address: Address::AsBefore,
     };
-    Undo::kept_by(UndoLog::new(folder, changes))
+    let of_partner = dut.partner.as_ref().map(|partner| Changes {
+        node: partner.node,
+        device: partner.name.clone(),
+        lss: false,
+        protected: true,
+        eds: None,
+        modules: Vec::new(),
+        ..changes.clone()
+    });
+    let undo = Undo::kept_by(UndoLog::new(folder.clone(), changes));
+    match of_partner {
+        Some(changes) => undo.beside(Undo::kept_by(UndoLog::new(folder, changes))),
+        None => undo,
+    }
 }
 
 /// A path that means the same in another folder.

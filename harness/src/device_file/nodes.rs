@@ -6,6 +6,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use canopen::Mux;
 use canopen::eds::Eds;
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::value::MapAccessDeserializer;
@@ -99,6 +100,15 @@ impl DeviceFile {
         // The node id of a device that stands there itself is the better place.
         let inline = self.said.node.as_ref().filter(|_| Arc::ptr_eq(&self.source, outer.source()));
         Some((outer.source(), inline.map_or(outer.place, |node| node.place)))
+    }
+
+    /// What protects an object by its address.
+    pub(crate) fn protects(&self, mux: Mux) -> Option<String> {
+        self.files().find_map(|file| {
+            let mut objects = file.said.protect.objects.iter();
+            let At { value, place } = objects.find(|range| range.value.objects.contain(mux))?;
+            Some(format!("`objects: {}` in {}:{}", value.text, file.source.name, place.line))
+        })
     }
 
     /// Why commands to all nodes must not reach this device, which is not the one under test: it

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex};
 use canopen::{Bus, VirtualBus};
 use reference_devices::change::Deviation;
 use reference_devices::devices::ReferenceDevice;
+use reference_devices::partner::Partner;
 use reference_devices::rules::Rules;
 use runner::dut::Dut;
 use runner::protect::Guarded;
@@ -79,6 +80,9 @@ impl Target {
                     None => bus.attach(device.node(self.dut.node, Rules::default())),
                     Some(deviation) => bus.attach_boxed(deviation.build(device, self.dut.node)?),
                 };
+                if let Some(partner) = &self.dut.partner {
+                    bus.attach(Partner::new(partner.node));
+                }
                 Box::new(bus)
             }
             Connection::Interface(interface) => {

@@ -72,9 +72,17 @@ pub(crate) fn protect(selection: &Selection, dut: &mut Dut) {
     if let Some(why) = dut.unlisted_bit_rate() {
         protection.forbid(Deed::BitTiming, format!("its bit rate ({why})"));
     }
-    for other in selection.others.iter().filter(|other| other.shares_the_bus) {
+    let beside = || selection.others.iter().filter(|other| other.shares_the_bus);
+    for other in beside() {
         dut.other_nodes.push(other.known.clone());
         spare(&mut protection, other);
+    }
+    let may_change = |other: &&Other| other.keeps_heartbeat.is_none();
+    if let Some(partner) = beside().find(may_change).or_else(|| beside().next()) {
+        dut.partner = Some(partner.known.clone());
+        if let Some(why) = &partner.keeps_heartbeat {
+            protection.forbid(Deed::Partner, format!("{why}, for {}", partner.known));
+        }
     }
     dut.protection = Arc::new(protection);
 }
@@ -83,7 +91,10 @@ pub(crate) fn protect(selection: &Selection, dut: &mut Dut) {
 fn spare(protection: &mut Protection, other: &Other) {
     let Other { known, place, keeps_from_all, .. } = other;
     if let Some(why) = keeps_from_all {
-        protection.forbid(Deed::AllNodes, format!("{why}, for {known} on the same bus"));
+        // What every node misses may be the heartbeat that it monitors.
+        for deed in [Deed::AllNodes, Deed::Partner] {
+            protection.forbid(deed, format!("{why}, for {known} on the same bus"));
+        }
     }
     for deed in [Deed::AllSlaves, Deed::NodeId, Deed::BitTiming] {
         protection.forbid(deed, format!("{known} on the same bus, in {place}"));

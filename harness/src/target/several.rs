@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use canopen::Mux;
 use runner::dut::OtherNode;
 
 use super::{Address, Selection};
@@ -21,6 +22,8 @@ pub(crate) struct Other {
     pub place: String,
     /// Why commands to all nodes must not reach it.
     pub keeps_from_all: Option<String>,
+    /// What protects its heartbeat from being changed.
+    pub keeps_heartbeat: Option<String>,
 }
 
 impl Selection {
@@ -113,6 +116,7 @@ impl Selection {
                 && !self.is_program(),
             place: format!("{}:{}", source.name, place.line),
             keeps_from_all: file.keeps_from_all(),
+            keeps_heartbeat: file.protects(HEARTBEAT),
         })
     }
 
@@ -120,6 +124,9 @@ impl Selection {
         self.file.as_ref()?.named()
     }
 }
+
+/// Producer heartbeat time.
+const HEARTBEAT: Mux = Mux::new(0x1017, 0);
 
 /// Checks that the devices on one interface have different node ids.
 fn apart(all: &[Selection]) -> Result<(), Vec<Complaint>> {

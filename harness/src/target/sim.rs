@@ -6,8 +6,9 @@ use std::sync::Arc;
 use canopen::Device;
 use canopen::catalogue::Catalogue;
 use reference_devices::change::Deviation;
+use reference_devices::partner::Partner;
 use reference_devices::rules::Rules;
-use runner::dut::Dut;
+use runner::dut::{Dut, OtherNode};
 use runner::stop::Stop;
 
 use super::connection::{Connection, Target};
@@ -71,6 +72,7 @@ pub(super) fn target(
             interface: None,
             bit_rate: Some(bit_rate),
             without,
+            partner: Some(simulated_partner(node)),
             ..Dut::new(own_name(selection).unwrap_or(&device.description.device), node, eds)
         },
         rig,
@@ -109,6 +111,11 @@ impl Target {
         };
         Ok(Self { dut, connection, rig: None, options: String::new() })
     }
+}
+
+/// The node that is simulated beside the device.
+fn simulated_partner(node: u8) -> OtherNode {
+    OtherNode { name: "simulated partner".to_owned(), node: Partner::id_beside(node) }
 }
 
 /// The user's name for the device. Without a target, `--device` chooses a reference device.

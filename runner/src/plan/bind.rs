@@ -223,6 +223,11 @@ fn bus(dut: &Dut) -> Scope {
     for (name, binding) in others(dut, &[]) {
         scope.bind(name, binding);
     }
+    if let Some(partner) = &dut.partner {
+        for (name, binding) in names_of("partner", partner.node) {
+            scope.bind(name, binding);
+        }
+    }
     scope
 }
 
@@ -235,22 +240,25 @@ pub(crate) fn others(dut: &Dut, stored: &[u8]) -> impl Iterator<Item = (String, 
         .heartbeat_consumers()
         .filter_map(|mux| Some((dut.default_int(mux)? >> 16) as u8))
         .chain(stored.iter().copied())
-        .chain(dut.other_nodes.iter().map(|other| other.node))
+        .chain(dut.other_nodes.iter().chain(&dut.partner).map(|other| other.node))
         .collect();
     let own = dut.node;
     let free = (125..=127).chain((1..125).rev());
     let free = free.filter(move |node| *node != own && !taken.contains(node));
-    NAMES.into_iter().zip(free).flat_map(|(name, node)| {
-        let id = |base: u16| Binding::Id(Id::standard(base + u16::from(node)));
-        [
-            (name.to_owned(), int(node.into())),
-            (format!("{name}-consumer"), int(i128::from(node) << 16)),
-            (format!("{name}-boot-up"), id(heartbeat::COB_ID)),
-            (format!("{name}-heartbeat"), id(heartbeat::COB_ID)),
-            (format!("{name}-request"), id(sdo::REQUEST_COB_ID)),
-            (format!("{name}-answer"), id(sdo::RESPONSE_COB_ID)),
-        ]
-    })
+    NAMES.into_iter().zip(free).flat_map(|(name, node)| names_of(name, node))
+}
+
+/// The name of a node, its identifiers, and its part of an entry of 1016h.
+fn names_of(name: &str, node: u8) -> [(String, Binding); 6] {
+    let id = |base: u16| Binding::Id(Id::standard(base + u16::from(node)));
+    [
+        (name.to_owned(), int(node.into())),
+        (format!("{name}-consumer"), int(i128::from(node) << 16)),
+        (format!("{name}-boot-up"), id(heartbeat::COB_ID)),
+        (format!("{name}-heartbeat"), id(heartbeat::COB_ID)),
+        (format!("{name}-request"), id(sdo::REQUEST_COB_ID)),
+        (format!("{name}-answer"), id(sdo::RESPONSE_COB_ID)),
+    ]
 }
 
 const fn int(number: i128) -> Binding {
@@ -272,14 +280,22 @@ fn dedup(mut complaints: Vec<Complaint>) -> Vec<Complaint> {
 
 /// Why the device does not have what the case requires.
 fn lacks(requires: &Requires, dut: &Dut, suite: &Suite) -> Option<String> {
-    let is_lss = |capability: &Option<At<Capability>>| {
-        capability.as_ref().is_some_and(|capability| capability.value == Capability::Lss)
+    let has = |capability: &Option<At<Capability>>, wanted: Capability| {
+        capability.as_ref().is_some_and(|capability| capability.value == wanted)
     };
-    if is_lss(&requires.supports) && !dut.eds.device.lss {
+    if has(&requires.supports, Capability::Lss) && !dut.eds.device.lss {
         return Some("the data sheet declares no LSS".to_owned());
     }
-    if is_lss(&requires.lacks) && dut.eds.device.lss {
+    if has(&requires.lacks, Capability::Lss) && dut.eds.device.lss {
         return Some("the data sheet declares LSS".to_owned());
+    }
+    if has(&requires.supports, Capability::AnotherNode) && dut.partner.is_none() {
+        return Some("the device file names no other node of the bus".to_owned());
+    }
+    if has(&requires.lacks, Capability::AnotherNode)
+        && let Some(other) = &dut.partner
+    {
+        return Some(format!("{other} is on the bus"));
     }
     if let Some((least, bit_rate)) = requires.bit_rate.zip(dut.bit_rate)
         && bit_rate < least

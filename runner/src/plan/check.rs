@@ -189,6 +189,7 @@ impl<'c> Checker<'c> {
                 }
             }
             Step::Observe(observe) => self.observe(observe, step.place),
+            Step::Partner(partner) => self.time(&partner.heartbeat),
         }
         self.produce(step.value.effect().during);
     }

@@ -70,6 +70,7 @@ impl Taking<'_> {
             Step::Write(write) => self.write_step(write),
             Step::Remap(remap) => self.remap(remap),
             Step::Bench(_) => self.deeds.push(Deed::Stimulus),
+            Step::Partner(_) => self.deeds.push(Deed::Partner),
             Step::Nmt(nmt) => self.sent(&nmt_frame(*nmt, self.dut.node), 1),
             // None of these sends anything but uploads, SYNC, and LSS requests.
             Step::Reply(_)

@@ -60,6 +60,12 @@ impl Wording<'_> {
                 format!("bench: {}", list(stimuli, "nothing"))
             }
             Step::Observe(observe) => self.observe(observe),
+            Step::Partner(partner) => {
+                format!(
+                    "the other node sends its heartbeat every {}",
+                    self.time(&partner.heartbeat)
+                )
+            }
             Step::Eds(eds) => {
                 let without = &eds.without;
                 let findings = without.iter().map(|finding| finding.value.clone());

@@ -39,6 +39,8 @@ pub enum Deed {
     Watch,
     /// A stimulus on the bench.
     Stimulus,
+    /// Another heartbeat of another node, which every node of the bus may miss.
+    Partner,
 }
 
 impl Deed {
@@ -80,7 +82,8 @@ impl Deed {
             | Self::NodeId
             | Self::StoreLss
             | Self::Watch
-            | Self::Stimulus => true,
+            | Self::Stimulus
+            | Self::Partner => true,
         }
     }
 
@@ -115,6 +118,7 @@ impl fmt::Display for Deed {
             Self::StoreLss => f.write_str("LSS store"),
             Self::Watch => f.write_str("heartbeat or guarding of a node"),
             Self::Stimulus => f.write_str("stimulus on the bench"),
+            Self::Partner => f.write_str("change of the heartbeat of another node"),
         }
     }
 }

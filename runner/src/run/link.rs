@@ -20,6 +20,7 @@ pub(in crate::run) use oddities::contradiction;
 pub use oddities::oddities;
 pub(super) use patience::{Patience, proves_nothing};
 pub use probe::{Lost, objects as probe};
+pub(in crate::run) use read::identity_of;
 pub(super) use read::versions;
 pub use read::{exists, identity, read_number, read_text, read_value};
 pub use sdo::{Ended, transfer, value_length};

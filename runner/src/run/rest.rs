@@ -9,6 +9,7 @@
 //! leave ▶ restore, stimuli, answer, state, lss ▶ address
 //! settle, leave, first_look ▶ emergencies ▶ baseline
 //! first_look ▶ shown ▶ undo ▶ restore
+//! partner ▶ undo, restore
 //! ```
 
 mod address;
@@ -21,6 +22,7 @@ mod ladder;
 mod leave;
 mod lss;
 mod outputs;
+mod partner;
 mod restore;
 mod rung;
 mod settle;
@@ -38,6 +40,7 @@ pub(super) use first_look::{Wanted, first_look, look_at_channels};
 pub(super) use leave::Leaving;
 pub(super) use lss::give_back;
 pub(super) use outputs::Outputs;
+pub(super) use partner::{Partner, set_back_the_rest};
 pub use restore::Snapshot;
 pub(super) use settle::{Left, Settled, application, settle};
 pub(super) use state::{enter, is_still, owes_a_sign, pre_operational};

@@ -26,7 +26,7 @@ use super::observer::{Observer, Unobserved};
 use super::policy::Policy;
 use super::rest::{
     Baseline, Left, Outputs, Undo, Wanted, first_answer, first_look, give_back, look_at_channels,
-    pre_operational,
+    pre_operational, set_back_the_rest,
 };
 use crate::plan::{Instance, Plan, deeds, protected};
 use crate::source::At;
@@ -218,6 +218,12 @@ impl Session<'_> {
 
     /// Tries once more to set back what cases left changed, where the device can still be asked.
     fn set_back(&self, link: &mut Link, identity: &Identity, ending: &Ending) {
+        if let Some(other) = &self.plan.dut.partner {
+            link.clean(true);
+            // The caller of the session names what is not set back.
+            _ = set_back_the_rest(link, &self.policy, other, self.undo.of_partner());
+            link.clean(false);
+        }
         let left = self.undo.snapshot();
         let lost = match ending {
             Ending::Nobody | Ending::Gone(_) => true,

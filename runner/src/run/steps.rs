@@ -11,6 +11,7 @@ mod limits;
 mod lss;
 mod measure;
 mod objects;
+mod partner;
 pub(super) mod promise;
 mod proof;
 mod run;

@@ -106,7 +106,8 @@ impl Step {
             | Self::Wait(_)
             | Self::Sync(_)
             | Self::Produce(_)
-            | Self::Bench(_) => false,
+            | Self::Bench(_)
+            | Self::Partner(_) => false,
             Self::Write(write) => write.refused.is_some(),
             Self::Remap(remap) => remap.refused.is_some(),
             // It only finds out whether the next ones can say anything.
@@ -147,7 +148,8 @@ impl Step {
             | Self::Wait(_)
             | Self::Sync(_)
             | Self::Produce(_)
-            | Self::Bench(_) => Vec::new(),
+            | Self::Bench(_)
+            | Self::Partner(_) => Vec::new(),
             Self::Reply(reply) => of_reply(reply),
             Self::Ask(ask) => of_ask(ask),
             Self::Expect(expect) => of_expect(expect),

@@ -91,6 +91,7 @@ impl Step {
             Self::Eds(_) | Self::Undeclared(_) => {
                 Effect { judges_sheet: true, ..Effect::default() }
             }
+            // What changes in another node is set back by itself.
             // SYNC makes a device take over the values that RPDOs brought before, and their frames
             // are listed. A fastscan changes the LSS state only, and a bench remembers its own
             // former state. The defaults of a generated sheet are compared with the present
@@ -102,6 +103,7 @@ impl Step {
             | Self::Sync(_)
             | Self::Bench(_)
             | Self::Observe(_)
+            | Self::Partner(_)
             | Self::Lss(_) => Effect::default(),
         }
     }

@@ -113,6 +113,9 @@ pub enum Capability {
     AutonomousStorage,
     /// Minutes of its bus take no time, as on the simulated bus.
     VirtualTime,
+    /// There is another node on its bus, `$partner`: one of the same device file, or one that is
+    /// simulated beside a simulated device.
+    AnotherNode,
     /// An option of the profile that the suite is about. No EDS expresses it: a device has it
     /// unless `--without` says otherwise.
     Option(String),
@@ -249,6 +252,7 @@ impl<'de> Deserialize<'de> for Capability {
             name if name == SAVE_ON_COMMAND => Self::SaveOnCommand,
             name if name == AUTONOMOUS_STORAGE => Self::AutonomousStorage,
             name if name == VIRTUAL_TIME => Self::VirtualTime,
+            name if name == ANOTHER_NODE => Self::AnotherNode,
             name => Self::Option(name.into_owned()),
         })
     }
@@ -274,7 +278,7 @@ const SAVE: i128 = 0x6576_6173;
 /// What 1011h takes to restore: "load".
 const LOAD: i128 = 0x6461_6F6C;
 /// The names of the capabilities that any device can have.
-pub(crate) const CAPABILITIES: [&str; 8] = [
+pub(crate) const CAPABILITIES: [&str; 9] = [
     LSS,
     BLOCK_TRANSFER,
     BLOCK_UPLOAD,
@@ -283,8 +287,10 @@ pub(crate) const CAPABILITIES: [&str; 8] = [
     SAVE_ON_COMMAND,
     AUTONOMOUS_STORAGE,
     VIRTUAL_TIME,
+    ANOTHER_NODE,
 ];
 const LSS: &str = "lss";
+const ANOTHER_NODE: &str = "another-node";
 const BLOCK_TRANSFER: &str = "block-transfer";
 const BLOCK_UPLOAD: &str = "block-upload";
 const BLOCK_DOWNLOAD: &str = "block-download";

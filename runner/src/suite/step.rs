@@ -58,6 +58,8 @@ pub enum Step {
     Bench(Stimuli),
     /// Judges what is to be seen on the physical side.
     Observe(Box<Observe>),
+    /// Changes the other node of the bus, `$partner`. The runner sets back what a case changed.
+    Partner(PartnerStep),
     /// Judges the data sheet.
     Eds(Box<EdsStep>),
     /// Asks for objects that the data sheet does not have; each must be refused.
@@ -79,6 +81,14 @@ impl Step {
                 | Self::Undeclared(_)
         )
     }
+}
+
+/// See [`Step::Partner`].
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct PartnerStep {
+    /// How often it sends its heartbeat (1017h): `100 ms`, or `0 ms` for never.
+    pub heartbeat: At<Amount>,
 }
 
 /// See [`Step::Lss`].

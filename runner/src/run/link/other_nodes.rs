@@ -105,6 +105,13 @@ impl OtherNodes {
         self.nodes.iter_mut().for_each(|node| node.last = None);
     }
 
+    /// The tester has given a node another period: what it was is forgotten.
+    pub(super) fn forget_period_of(&mut self, node: u8) {
+        for watched in self.nodes.iter_mut().filter(|watched| watched.known.node == node) {
+            *watched = Watched { last: None, period: None, is_silent: false, ..watched.clone() };
+        }
+    }
+
     /// Takes note that nothing more came until `now`.
     fn until(&mut self, now: Instant) {
         for place in 0..self.nodes.len() {
@@ -242,6 +249,19 @@ mod tests {
         let emergency = "pump, node 6: emergency message 8130h (life guarding or heartbeat error), \
                          error register 11h, at 0.001000 s for the first of 2 times";
         assert_eq!(said(&frames, 10), [emergency]);
+    }
+
+    #[test]
+    fn a_node_that_is_given_another_period_is_learnt_anew() {
+        let mut nodes = OtherNodes::of(&[OtherNode { name: "pump".to_owned(), node: 6 }]);
+        let mut beat = |nodes: &mut OtherNodes, ms: u64| {
+            let (at, frame) = (Instant(ms * 1_000_000), "706#05".parse().unwrap());
+            nodes.see(&Stamped { at, frame, own: false });
+        };
+        [100, 200].into_iter().for_each(|ms| beat(&mut nodes, ms));
+        nodes.forget_period_of(6);
+        [2000, 4000].into_iter().for_each(|ms| beat(&mut nodes, ms));
+        assert!(nodes.take(Instant(6_000_000_000)).is_empty());
     }
 
     #[test]

@@ -11,7 +11,16 @@ use crate::run::policy::Policy;
 
 /// The values of 1000h and 1018h.
 pub fn identity(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Identity, BusError> {
-    let mut read = |mux| read_number(link, policy, dut.node, mux);
+    identity_of(link, policy, dut.node)
+}
+
+/// The same of any node.
+pub(in crate::run) fn identity_of(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+) -> Result<Identity, BusError> {
+    let mut read = |mux| read_number(link, policy, node, mux);
     Ok(Identity {
         device_type: read(Mux::new(0x1000, 0))?,
         vendor: read(Mux::new(0x1018, 1))?,

@@ -130,6 +130,11 @@ impl<'b> Link<'b> {
         self.other_nodes.take(self.mark)
     }
 
+    /// The heartbeat of this other node has another period from now on.
+    pub(in crate::run) fn has_another_period(&mut self, node: u8) {
+        self.other_nodes.forget_period_of(node);
+    }
+
     /// The last frame to the device, if it has sent nothing since.
     pub(in crate::run) const fn silence(&self) -> &Silence {
         &self.silence

@@ -1,7 +1,7 @@
 //! Changes of a run in the device that are not set back yet: objects, node id and bit rate. On a
 //! real bus they are also on disk, since a run that is killed sets nothing back.
 
-use std::cell::{Cell, RefCell};
+use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Debug;
 
@@ -35,12 +35,25 @@ pub struct Undo {
     /// Why the log could not be written, which is reported once.
     failure: RefCell<Option<String>>,
     failed: Cell<bool>,
+    /// The changes in the other node of the bus.
+    partner: OnceCell<Box<Self>>,
 }
 
 impl Undo {
     /// With a log that outlives the run.
     pub fn kept_by(log: impl KeepChanges + 'static) -> Self {
         Self { log: Some(RefCell::new(Box::new(log))), ..Self::default() }
+    }
+
+    /// With that of the other node of the bus, which cases may change as well.
+    #[must_use]
+    pub fn beside(self, partner: Self) -> Self {
+        Self { partner: OnceCell::from(Box::new(partner)), ..self }
+    }
+
+    /// The changes in the other node of the bus.
+    pub fn of_partner(&self) -> &Self {
+        self.partner.get_or_init(Box::default)
     }
 
     /// The values that are not set back.

@@ -16,7 +16,7 @@ use crate::run::link::{Lateness, Link};
 use crate::run::observer::{Observer, Unobserved};
 use crate::run::policy::Policy;
 use crate::run::rest::{
-    Address, Baseline, BenchSnapshot, Leaving, Left, Settled, Snapshot, Undo, application,
+    Address, Baseline, BenchSnapshot, Leaving, Left, Partner, Settled, Snapshot, Undo, application,
     emergencies, enter, give_back, is_still, owes_a_sign, settle,
 };
 use crate::run::steps::{Difference, Proof, Steps, bench, is_of_protocol, is_reset, promise};
@@ -76,6 +76,8 @@ pub(super) struct CaseRun<'r, 'b> {
     pub common: Common<'r>,
     pub instance: &'r Instance,
     pub bench_snapshot: BenchSnapshot,
+    /// What the case changed in the other node of the bus.
+    pub partner: Partner,
     /// How late the tester was, when that may be the reason of the outcome.
     pub late: Option<Duration>,
     /// Where in the trace its steps begin.
@@ -96,6 +98,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             common,
             instance,
             bench_snapshot,
+            partner: Partner::default(),
             late: None,
             steps_from: 0,
             earlier_cause: false,
@@ -144,6 +147,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         let (link, bench_snapshot) = (&mut *self.link, &mut self.bench_snapshot);
         let mut leaving = Leaving { link, policy, dut, baseline, bench_snapshot, patience };
         let restored = leaving.restore(&snapshot, still, passed, &mut changed);
+        let restored = self.set_partner_back().and(restored);
         if !changed.is_empty() {
             let listed: Vec<String> = changed.iter().map(Mux::to_string).collect();
             self.note(format!("not every object could be restored: {}", listed.join(", ")));
@@ -167,6 +171,16 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         let address = Address::after(self.link.trace(), dut);
         self.common.undo.end(&snapshot, &changed, address);
         ended
+    }
+
+    /// Sets back what the case changed in the other node of the bus.
+    fn set_partner_back(&mut self) -> Result<(), BusError> {
+        let Common { policy, dut, undo, .. } = self.common;
+        let Some(other) = &dut.partner else { return Ok(()) };
+        if !self.partner.set_back(self.link, policy, other, undo.of_partner())? {
+            self.note(format!("the heartbeat of {other} could not be set back"));
+        }
+        Ok(())
     }
 
     /// Whether the device reported in this attempt that a node it monitors is lost.
@@ -284,6 +298,8 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             scope,
             patience,
             bench_snapshot: &mut self.bench_snapshot,
+            partner: &mut self.partner,
+            undo: self.common.undo,
             proof: self.proof.take(),
             words: &self.instance.suite.words,
             margin: Duration::ZERO,
@@ -315,6 +331,11 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         }
         if alive {
             self.judge_monitors(self.steps_from, &mut result);
+        }
+        if let (Outcome::Fail(_), Some(other)) = (&result.outcome, &self.common.dut.partner)
+            && let Some(why) = self.partner.failed(self.link, other)
+        {
+            result.outcome = Outcome::Undecided(why);
         }
         self.late = result.late;
         self.commanded = self.in_effect(commanded_from, &result.outcome);

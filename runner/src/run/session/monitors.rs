@@ -5,8 +5,8 @@ use std::time::Duration;
 use canopen::emcy::Emcy;
 use canopen::monitor::{self, Breach, Seen, Watched};
 use canopen::pdo::CobId;
-use canopen::sdo::REQUEST_COB_ID;
-use canopen::{Frame, Id, Mux, Stamped, emcy};
+use canopen::sdo::{REQUEST_COB_ID, RESPONSE_COB_ID};
+use canopen::{Frame, Id, Mux, Stamped, emcy, heartbeat};
 
 use super::case::CaseRun;
 use crate::dut::Dut;
@@ -35,7 +35,8 @@ impl CaseRun<'_, '_> {
         let frames = &self.link.trace()[from..];
         let now = self.link.mark();
         let dut = self.common.dut;
-        let known = (!dut.shares_its_bus).then(|| self.common.known.to_vec());
+        let known = (!dut.shares_its_bus)
+            .then(|| self.common.known.iter().copied().chain(of_partner(dut)).collect());
         let mut monitors = monitor::all(Watched {
             node: dut.node,
             known,
@@ -51,6 +52,13 @@ impl CaseRun<'_, '_> {
             seen.or_else(silence)
         })
     }
+}
+
+/// The identifiers of the other node of the bus.
+fn of_partner(dut: &Dut) -> impl Iterator<Item = Id> {
+    let bases = [emcy::COB_ID, RESPONSE_COB_ID, heartbeat::COB_ID];
+    let ids = move |node: u8| bases.map(|base| Id::standard(base + u16::from(node)));
+    dut.partner.iter().flat_map(move |other| ids(other.node))
 }
 
 /// Whether a frame gives the application a value: a download of one of its objects, or a PDO.

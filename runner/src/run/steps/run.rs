@@ -15,7 +15,7 @@ use crate::dut::Dut;
 use crate::plan::{Binding, Scope, Wording, nmt_frame};
 use crate::run::link::{Lateness, Link, STALL};
 use crate::run::policy::Policy;
-use crate::run::rest::{BenchSnapshot, first_answer};
+use crate::run::rest::{BenchSnapshot, Partner, Undo, first_answer};
 use crate::source::At;
 use crate::suite::Words;
 use crate::suite::constraint::{Allowance, Constraint};
@@ -38,6 +38,10 @@ pub(in crate::run) struct Steps<'s, 'b> {
     pub patience: u32,
     /// The stimuli on the device's physical side.
     pub bench_snapshot: &'s mut BenchSnapshot,
+    /// What the case changed in the other node.
+    pub partner: &'s mut Partner,
+    /// The changes of the run.
+    pub undo: &'s Undo,
     /// The results for the assertions, if an observer asks for them.
     pub proof: Option<Proof>,
     /// The suite's words for objects and values.
@@ -134,6 +138,7 @@ impl Steps<'_, '_> {
             Step::Produce(produce) => self.produce(produce).map(|()| None),
             Step::Bench(stimuli) => self.stimulate_bench(stimuli),
             Step::Observe(observe) => self.observe(observe),
+            Step::Partner(partner) => self.partner(partner),
             Step::Lss(lss) => self.lss(lss),
             Step::Eds(step) => self.eds(step),
             Step::Undeclared(step) => self.undeclared(step),
@@ -610,6 +615,7 @@ impl Steps<'_, '_> {
             | Step::Sync(_)
             | Step::Produce(_)
             | Step::Bench(_)
+            | Step::Partner(_)
             | Step::Observe(_)
             | Step::Eds(_)
             | Step::Undeclared(_) => return None,

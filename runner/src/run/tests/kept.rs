@@ -4,6 +4,7 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
+use canopen::Mux;
 use reports::Identity;
 
 use super::*;
@@ -11,7 +12,7 @@ use crate::run::{Address, KeepChanges, Snapshot};
 
 /// Everything that was written into a log.
 #[derive(Clone, Debug, Default)]
-struct Log(Rc<RefCell<Vec<Snapshot>>>);
+pub(super) struct Log(Rc<RefCell<Vec<Snapshot>>>);
 
 impl KeepChanges for Log {
     fn name_if_written(&self) -> Option<String> {
@@ -27,6 +28,11 @@ impl KeepChanges for Log {
 }
 
 impl Log {
+    /// The values of objects each time that it was written.
+    pub(super) fn values(&self) -> Vec<BTreeMap<Mux, Vec<u8>>> {
+        self.0.borrow().iter().map(|held| held.values.clone()).collect()
+    }
+
     fn address(&self) -> Address {
         self.0.borrow().last().map_or(Address::AsBefore, |last| last.address)
     }

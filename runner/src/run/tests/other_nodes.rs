@@ -1,5 +1,8 @@
 //! Sessions beside other nodes on the same simulated bus.
 
+use canopen::Mux;
+
+use super::kept::Log;
 use super::*;
 use crate::dut::OtherNode;
 use crate::protect::{Deed, Guarded, Protection, Wire};
@@ -83,4 +86,71 @@ fn no_request_of_lss_reaches_the_slaves_beside_the_device() {
     assert!(matches!(bus.send(&to_all), Err(BusError::Withheld(_))));
     let to_waiting = Frame::new(0x7E5, [4, 0, 0, 0, 0, 0, 0, 0]);
     assert_eq!(bus.send(&to_waiting), Ok(()));
+}
+
+/// The device beside a node that cases may change.
+fn with_partner() -> Dut {
+    let dut = beside();
+    Dut { partner: dut.other_nodes.first().cloned(), ..dut }
+}
+
+fn run_with_partner(bus: &mut Odd, dut: &Dut, steps: &str) -> Ran {
+    run_on(bus, dut, 1, steps, &Stop::default(), &Undo::default())
+}
+
+/// Whether the other node sends a heartbeat within 300 ms.
+fn sends(bus: &mut Odd) -> bool {
+    let until = bus.bus.now() + Duration::from_millis(300);
+    let mut came = false;
+    while let Some(seen) = bus.bus.recv(until).unwrap() {
+        came |= seen.frame.data_id() == Some(0x700 + u16::from(OTHER));
+    }
+    came
+}
+
+#[test]
+fn the_heartbeat_of_a_partner_is_set_back_and_its_silence_is_expected() {
+    let mut bus = two_nodes();
+    let steps = "[ partner: { heartbeat: 0 ms }, never: { frame: '706#..', for: 1 s } ]";
+    let ran = run_with_partner(&mut bus, &with_partner(), steps);
+    assert_eq!((&ran.notes, verdicts(&ran)), (&Vec::new(), vec![Verdict::Pass]));
+    assert!(sends(&mut bus));
+}
+
+#[test]
+fn a_case_is_skipped_where_the_partner_must_not_be_changed() {
+    let mut bus = two_nodes();
+    let mut protection = Protection::default();
+    protection.forbid(Deed::Partner, "`objects: 1017` in pump.yaml:3".to_owned());
+    let dut = Dut { protection: Arc::new(protection), ..with_partner() };
+    let ran = run_with_partner(&mut bus, &dut, "[ partner: { heartbeat: 0 ms }, wait: 1 s ]");
+    let [Outcome::Skip(why)] = &ran.outcomes[..] else { panic!("{:?}", ran.outcomes) };
+    assert!(why.ends_with("protected by `objects: 1017` in pump.yaml:3"), "{why}");
+    assert!(sends(&mut bus));
+}
+
+#[test]
+fn the_heartbeat_of_a_partner_is_in_a_log_of_its_own_until_it_is_back() {
+    let log = Log::default();
+    let undo = Undo::default().beside(Undo::kept_by(log.clone()));
+    let steps = "[ partner: { heartbeat: 0 ms }, partner: { heartbeat: 20 ms } ]";
+    run_on(&mut two_nodes(), &with_partner(), 1, steps, &Stop::default(), &undo);
+    let before = BTreeMap::from([(Mux::new(0x1017, 0), vec![100, 0])]);
+    assert_eq!(log.values(), [before, BTreeMap::new()]);
+    assert_eq!(undo.of_partner().said(), None);
+}
+
+/// What the device does then, it has a cause for.
+#[test]
+fn a_device_does_not_fail_beside_a_partner_that_falls_silent_by_itself() {
+    let steps = "[ partner: { heartbeat: 50 ms }, send: '606#2B 17 10 00 00 00 00 00', \
+                 wait: 1 s, expect: { frame: '700+n#05', within: 77 ms } ]";
+    let ran = run_with_partner(&mut two_nodes(), &with_partner(), steps);
+    assert_eq!(verdicts(&ran), [Verdict::Error], "{:?}", ran.outcomes);
+    let said = format!("{:?}", ran.outcomes);
+    assert!(said.contains("pump, node 6 did not send its heartbeat for "), "{said}");
+    let steps = "[ partner: { heartbeat: 50 ms }, wait: 1 s, \
+                 expect: { frame: '700+n#05', within: 77 ms } ]";
+    let ran = run_with_partner(&mut two_nodes(), &with_partner(), steps);
+    assert_eq!(verdicts(&ran), [Verdict::Fail], "{:?}", ran.outcomes);
 }

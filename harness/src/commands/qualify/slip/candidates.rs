@@ -50,7 +50,8 @@ fn of_part(scene: &Scene, constraint: &Constraint) -> Vec<Slip> {
         | Step::Wait(_)
         | Step::Sync(_)
         | Step::Produce(_)
-        | Step::Bench(_) => Vec::new(),
+        | Step::Bench(_)
+        | Step::Partner(_) => Vec::new(),
     }
 }
 
