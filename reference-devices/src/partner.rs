@@ -1,7 +1,8 @@
 //! A second node on the bus of a simulated device, for cases about two of them.
 //!
-//! It is there for those cases alone: until one of them speaks to it, it is switched off, and it
-//! hears nothing but what is meant for its SDO server. So the device is alone in all other cases.
+//! It is there for those cases alone: until one of them asks for its heartbeat (1017h), it is switched
+//! off, and it hears nothing but what is meant for its SDO server. So the device is alone in all other
+//! cases, and a scan does not find another one.
 
 use canopen::sdo::REQUEST_COB_ID;
 use canopen::{Device, Frame, Instant, Outbox};
@@ -34,7 +35,7 @@ impl Device for Partner {
         if frame.data_id() != Some(REQUEST_COB_ID + u16::from(self.id)) {
             return;
         }
-        if self.node.is_none() {
+        if self.node.is_none() && frame.data.get(1..4) == Some(&HEARTBEAT[..]) {
             self.node = devices::device(KIND).map(|device| switched_on(&device, self.id, now));
         }
         if let Some(node) = &mut self.node {
@@ -67,6 +68,8 @@ fn switched_on(device: &ReferenceDevice, id: u8, now: Instant) -> Node {
 
 /// The reference device that it is.
 const KIND: &str = "generic";
+/// 1017h sub 0, as requests name it.
+const HEARTBEAT: [u8; 3] = [0x17, 0x10, 0];
 /// Far from the ids that cases use for nodes that are not there.
 const USUAL: u8 = 64;
 /// More than a node has to do when it boots.
@@ -86,7 +89,7 @@ mod tests {
     fn it_hears_requests_to_its_server_alone() {
         let mut partner = Partner::new(64);
         for frame in
-            ["000#8100", "000#0140", "080#", "7E5#0401000000000000", "641#4017100000000000"]
+            ["000#8100", "000#0140", "080#", "7E5#0401000000000000", "640#4000100000000000"]
         {
             assert_eq!((answers(&mut partner, frame, 100), partner.poll_at()), (Vec::new(), None));
         }
