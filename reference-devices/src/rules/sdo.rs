@@ -123,8 +123,8 @@ decisions! {
         true
     }
 
-    /// A device without 29-bit identifiers refuses them for an SDO channel, and bits 11 to 28 of one
-    /// of 11 bits (7.5.2.33).
+    /// An SDO channel refuses an identifier of 29 bits where the device has none, and bits 11 to 28
+    /// of one of 11 bits (7.5.2.33).
     fn sdo_long_identifier_taken(&self) -> bool {
         false
     }
