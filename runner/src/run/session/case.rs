@@ -269,10 +269,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             declined: None,
             late: None,
         };
-        if let Fate::Unfit(complaint) = &self.instance.fate {
-            let place = complaint.place.unwrap_or_else(|| self.instance.case().id.place);
-            let difference = promise::unfit(complaint, self.instance, self.common.dut);
-            result.fail(Phase::Step, place, difference);
+        if self.is_unfit(&mut result) {
             return Ok(result.outcome);
         }
         if let Some(unmet) =
@@ -332,14 +329,28 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         if alive {
             self.judge_monitors(self.steps_from, &mut result);
         }
+        self.excuse_beside_partner(&mut result);
+        self.late = result.late;
+        self.commanded = self.in_effect(commanded_from, &result.outcome);
+        Ok(result.outcome)
+    }
+
+    /// Whether the data sheet contradicts the steps, so that the case fails without them.
+    fn is_unfit(&self, result: &mut CaseOutcome) -> bool {
+        let Fate::Unfit(complaint) = &self.instance.fate else { return false };
+        let place = complaint.place.unwrap_or_else(|| self.instance.case().id.place);
+        let difference = promise::unfit(complaint, self.instance, self.common.dut);
+        result.fail(Phase::Step, place, difference);
+        true
+    }
+
+    /// A failure says nothing where the other node of the bus missed a heartbeat itself.
+    fn excuse_beside_partner(&mut self, result: &mut CaseOutcome) {
         if let (Outcome::Fail(_), Some(other)) = (&result.outcome, &self.common.dut.partner)
             && let Some(why) = self.partner.failed(self.link, other)
         {
             result.outcome = Outcome::Undecided(why);
         }
-        self.late = result.late;
-        self.commanded = self.in_effect(commanded_from, &result.outcome);
-        Ok(result.outcome)
     }
 
     /// A breach of what holds in each case makes it fail.
