@@ -154,8 +154,8 @@ fn compare(device: &str, cases: &[&str], options: &[&str]) {
     agree::agree(&in_virtual_time, &on_the_real_bus, alone);
 }
 
-/// Takes out what is skipped on the interface: what would take minutes of it, and what needs another
-/// node, as a simulated device has it.
+/// Takes out what is skipped on the interface: what would take minutes of it, and what needs
+/// another node, as a simulated device has it.
 fn leave_out_long_cases(runs: [&mut Run; 2]) {
     const WHY: [&str; 2] = ["time on the bus is real", "the device file names no other node"];
     let is_one = |reason: &str| WHY.iter().any(|why| reason.starts_with(why));

@@ -1,8 +1,8 @@
 //! A second node on the bus of a simulated device, for cases about two of them.
 //!
-//! It is there for those cases alone: until one of them asks for its heartbeat (1017h), it is switched
-//! off, and it hears nothing but what is meant for its SDO server. So the device is alone in all other
-//! cases, and a scan does not find another one.
+//! It is there for those cases alone: until one of them asks for its heartbeat (1017h), it is
+//! switched off, and it hears nothing but what is meant for its SDO server. So the device is alone
+//! in all other cases, and a scan does not find another one.
 
 use canopen::sdo::REQUEST_COB_ID;
 use canopen::{Device, Frame, Instant, Outbox};

@@ -34,8 +34,8 @@ pub fn models(eds: &Eds) -> BTreeMap<&'static str, &'static Eds> {
     models.filter(own).map(|model| (model.device.as_str(), &*model.eds)).collect()
 }
 
-/// Reads a data sheet, with the modules that are plugged; reports its errors, and continues with the
-/// rest.
+/// Reads a data sheet, with the modules that are plugged; reports its errors, and continues with
+/// the rest.
 ///
 /// # Errors
 /// When it cannot be read at all, or does not have these modules.
