@@ -146,7 +146,8 @@ fn a_device_does_not_fail_beside_a_partner_that_falls_silent_by_itself() {
     let steps = "[ partner: { heartbeat: 50 ms }, send: '606#2B 17 10 00 00 00 00 00', \
                  wait: 1 s, expect: { frame: '700+n#05', within: 77 ms } ]";
     let ran = run_with_partner(&mut two_nodes(), &with_partner(), steps);
-    assert_eq!(verdicts(&ran), [Verdict::Error], "{:?}", ran.outcomes);
+    let undecided = |verdict: &Verdict| *verdict == Verdict::Error;
+    assert!(verdicts(&ran).iter().all(undecided), "{:?}", ran.outcomes);
     let said = format!("{:?}", ran.outcomes);
     assert!(said.contains("pump, node 6 did not send its heartbeat for "), "{said}");
     let steps = "[ partner: { heartbeat: 50 ms }, wait: 1 s, \
