@@ -30,8 +30,8 @@ decisions! {
         true
     }
 
-    /// A COB-ID is taken that has bit 29, and with it an identifier of 29 bits: of PDOs, SYNC, TIME,
-    /// emergency messages and further SDO channels (7.5.2.35). A device need not have them.
+    /// A COB-ID may have bit 29, and with it an identifier of 29 bits: of PDOs, SYNC, TIME,
+    /// emergency messages and further SDO channels. A device need not have them (7.5.2.35).
     fn long_identifiers_taken(&self) -> bool {
         false
     }
