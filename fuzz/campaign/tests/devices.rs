@@ -105,7 +105,7 @@ fn what_a_document_leaves_open_is_learnt() {
         "sdo-after-20-ms",
         "block-without-checksum",
         "no-server-time-out",
-        "invalid-commands-without-address",
+        "initiation-refused-while-a-transfer-is-open",
     ] {
         let freedom = freedoms.iter().find(|freedom| freedom.name == name).unwrap();
         let (findings, _, learnt) = Subject::new(&device, &freedom.deviation()).fuzzed(40, 1);
@@ -352,14 +352,16 @@ fn a_tpdo_owes_nothing_before_its_first_period() {
     assert_eq!(end, None);
 }
 
-/// A device that leaves out an address in one way and in another one is wrong, and each of the two
+/// A device that refuses a request with one code and with another one is wrong, and each of the two
 /// is a freedom.
 #[test]
 fn what_a_freedom_explains_is_right_on_a_device_that_is_wrong() {
-    let unknown = r#"[{"does": "sdo-wrong", "frames": ["602#E000100000000000"],
-                       "then": {"answers": {"id": 1410, "count": 1}}}]"#;
-    let session: Session = serde_json::from_str(unknown).unwrap();
-    let ways = ["invalid-commands-without-address", "invalid-commands-with-the-last-address"];
+    let second = r#"[{"does": "upload", "frames": ["602#4008100000000000"],
+                      "then": {"answers": {"id": 1410, "count": 1}}},
+                     {"does": "upload", "frames": ["602#4000100000000000"],
+                      "then": {"answers": {"id": 1410, "count": 1}}}]"#;
+    let session: Session = serde_json::from_str(second).unwrap();
+    let ways = ["initiation-ends-an-open-transfer", "initiation-refused-while-a-transfer-is-open"];
     let seen = ways.map(|way| {
         let mut subject = Subject::new_with(way);
         let model = subject.belief().model();

@@ -12,6 +12,8 @@ use canopen::{Bench, Bus, BusError, Frame, Instant, Stamped};
 const NOBODY: u16 = 0x7F0;
 /// How many of them are sent at once: fewer than the queue of an interface has places for.
 const AT_ONCE: u32 = 4;
+/// Of how many of them the length is looked at.
+const SAMPLE: u64 = 256;
 
 /// How busy the wire was.
 #[derive(Clone, Debug, Default)]
@@ -46,8 +48,10 @@ pub(crate) struct Loaded {
 impl Loaded {
     /// A bus whose frames of nobody alone take so many percent of its time.
     pub(crate) fn new(mut bus: Box<dyn Bus>, percent: u8, bit_rate: u32) -> (Self, Busy) {
-        let bits = frame_bits(&filler(0)) + INTERMISSION_BITS;
-        let nanoseconds = bits * 100_000_000_000 / (u64::from(percent) * u64::from(bit_rate));
+        // How long one is depends on its bytes.
+        let bits = (0..SAMPLE).map(|number| frame_bits(&filler(number)) + INTERMISSION_BITS);
+        let nanoseconds = bits.sum::<u64>() * 100_000_000_000
+            / (SAMPLE * u64::from(percent) * u64::from(bit_rate));
         let (now, busy) = (bus.now(), Busy::default());
         let pause = Duration::from_nanos(nanoseconds);
         let loaded = Self { bus, pause, next: now, number: 0, busy: busy.clone(), noted: now };
