@@ -445,8 +445,8 @@ pub struct QualifyArgs {
     /// With --fuzz, only the mutants whose name or requirement holds one of these texts, such as
     /// `--only TPDO,SYNC,boots-twice`; with --fuzz-freedoms, only the devices whose name holds one,
     /// such as `--only personality`, or the mixtures with `--only mixture`
-    #[arg(long, value_name = "TEXT", value_delimiter = ',', requires = "fuzzes")]
-    pub only: Vec<String>,
+    #[arg(long = "only", value_name = "TEXT", value_delimiter = ',', requires = "fuzzes")]
+    pub alone: Vec<String>,
     /// Fuzz each device with so many sessions instead, as it is, with each freedom, as each
     /// personality and with --mixtures of freedoms, and print what is found: nothing may be
     #[arg(long, value_name = "SESSIONS")]

@@ -131,6 +131,9 @@ pub struct DeviceStarted {
     /// The bit rate of its bus in bit/s, when it is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bit_rate: Option<u32>,
+    /// The node ids of the other nodes of its bus, as far as they are known.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub others: Vec<u8>,
     /// The command that runs cases against this device again; the name of a case is appended.
     pub rerun: String,
     /// A remark for readers on how the device was tested, such as where its data sheet came from.

@@ -146,6 +146,7 @@ impl Dut {
             pdos: Arc::clone(&self.sheet.pdos),
             // Pipes have none.
             bit_rate: self.bit_rate.filter(|_| self.shares_its_bus || !self.shares_its_machine),
+            others: self.other_nodes.iter().chain(&self.partner).map(|other| other.node).collect(),
             rerun,
             remark: None,
         }

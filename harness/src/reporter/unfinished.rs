@@ -55,6 +55,7 @@ pub(super) fn events(args: &RunArgs, why: &str, exit: u8) -> Vec<Event> {
             objects: Arc::default(),
             pdos: Arc::default(),
             bit_rate: selection.bitrate,
+            others: Vec::new(),
             rerun: String::new(),
             remark: None,
         })),

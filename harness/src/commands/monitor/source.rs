@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use campaign::Seen;
 use canopen::bench::POWER;
-use canopen::{Bus, BusError, Instant, Stamped};
+use canopen::{Bus, BusError, Frame, Instant, Stamped};
 use reports::{Begun, CaseEnded, DeviceStarted, Event, Note, Stimulus};
 use runner::stop::Stop;
 
@@ -43,6 +43,8 @@ pub(super) struct Source<'a> {
     first: Option<Instant>,
     last: Instant,
     needs_times: bool,
+    /// The other nodes of the bus, which the journal of a run names.
+    others: Vec<u8>,
 }
 
 enum From {
@@ -86,7 +88,8 @@ impl<'a> Source<'a> {
             }
         };
         let needs_times = args.check;
-        Ok(Self { from, printed, is_virtual: false, first: None, last: Instant::ZERO, needs_times })
+        let (first, last, others) = (None, Instant::ZERO, Vec::new());
+        Ok(Self { from, printed, is_virtual: false, first, last, needs_times, others })
     }
 
     pub(super) const fn traits(&self) -> Traits {
@@ -162,6 +165,7 @@ impl<'a> Source<'a> {
                 }
                 Event::DeviceStarted(started) => {
                     self.last = Instant::ZERO;
+                    self.others.clone_from(&started.others);
                     Some(Happened::Device(started))
                 }
                 Event::Frame(stamped) => self.frame(stamped),
@@ -181,7 +185,16 @@ impl<'a> Source<'a> {
     fn frame(&mut self, stamped: Stamped) -> Option<Happened> {
         // Some adapters stamp frames out of order.
         self.last = self.last.max(stamped.at);
-        Some(Happened::Seen(Seen::Frame(Stamped { at: self.last, ..stamped })))
+        let own = stamped.own || self.is_of_another(&stamped.frame);
+        Some(Happened::Seen(Seen::Frame(Stamped { at: self.last, own, ..stamped })))
+    }
+
+    /// Whether another node sends a frame by the predefined connection set, so that the device got
+    /// it, as it did those of the tester.
+    fn is_of_another(&self, frame: &Frame) -> bool {
+        let sent =
+            |id: u16| matches!(id & !0x7F, 0x080 | 0x180 | 0x280 | 0x380 | 0x480 | 0x580 | 0x700);
+        frame.data_id().is_some_and(|id| sent(id) && self.others.contains(&((id & 0x7F) as u8)))
     }
 
     /// Complains of what could not be read.

@@ -74,7 +74,7 @@ pub(super) fn run(args: &QualifyArgs, sessions: u64) -> Result<Exit, Refused> {
     let explores = modelled.blueprint.surface().is_some();
     let known = modelled.knowing(&args.folders, &target.dut, &Stop::default())?;
     mutants.retain(|mutant| mutant.shared != explores && !mutant.canary);
-    mutants.retain(|mutant| is_wanted(mutant, &args.only));
+    mutants.retain(|mutant| is_wanted(mutant, &args.alone));
     let why_left_out = |mutant: &Mutant| match explores {
         true => mutant.is_of_data_sheet().then_some(OF_DATA_SHEET),
         false => why_left_out(mutant, target.dut.node),

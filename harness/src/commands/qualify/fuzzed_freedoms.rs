@@ -66,7 +66,7 @@ pub(super) fn run(args: &QualifyArgs, sessions: u64) -> Result<Exit, Refused> {
     let whole = homes.iter().map(|home| home.freedoms.len()).sum::<usize>().max(1);
     let mixtures = |home: &Home| (args.mixtures * home.freedoms.len()).div_ceil(whole);
     let subjects = homes.iter().flat_map(|home| home.subjects(mixtures(home), args.seed));
-    let subjects: Vec<Subject<'_>> = subjects.filter(|it| it.is_wanted(&args.only)).collect();
+    let subjects: Vec<Subject<'_>> = subjects.filter(|it| it.is_wanted(&args.alone)).collect();
     let line = Progress::with_each(subjects.len(), "devices");
     let fuzzed = parallel::map(subjects, processors(), |subject| {
         line.each(|| subject.fuzzed(args, sessions))

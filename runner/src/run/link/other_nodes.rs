@@ -254,7 +254,7 @@ mod tests {
     #[test]
     fn a_node_that_is_given_another_period_is_learnt_anew() {
         let mut nodes = OtherNodes::of(&[OtherNode { name: "pump".to_owned(), node: 6 }]);
-        let mut beat = |nodes: &mut OtherNodes, ms: u64| {
+        let beat = |nodes: &mut OtherNodes, ms: u64| {
             let (at, frame) = (Instant(ms * 1_000_000), "706#05".parse().unwrap());
             nodes.see(&Stamped { at, frame, own: false });
         };
