@@ -90,6 +90,11 @@ impl<'b> Belief<'b> {
         self.used.iter().map(|place| &blueprint.freedoms()[*place])
     }
 
+    /// Their places in the blueprint.
+    pub(crate) fn used(&self) -> &[usize] {
+        &self.used
+    }
+
     /// Whether it was said before the first session that the device uses a freedom, and no session
     /// has contradicted it.
     pub fn is_given(&self, freedom: &Candidate) -> bool {

@@ -66,6 +66,8 @@ pub struct Finding {
     pub violation: Violation,
     /// What the device, a program, said before it ended.
     pub said: Option<String>,
+    /// The freedoms that it was believed to use then, by their places in the blueprint.
+    pub used: Vec<usize>,
 }
 
 impl Finding {
@@ -79,7 +81,13 @@ impl Finding {
     ) -> Self {
         let ended = matches!(violation.what, What::Ended(_));
         let said = if ended { stage.last_words() } else { None };
-        Self { number, session, seen, violation, said }
+        Self { number, session, seen, violation, said, used: Vec::new() }
+    }
+
+    /// The same on a device that was believed to use these freedoms.
+    #[must_use]
+    pub fn believed(self, used: Vec<usize>) -> Self {
+        Self { used, ..self }
     }
 }
 
@@ -229,13 +237,14 @@ impl<'b> Campaign<'b> {
                 self.tally.undecided += 1;
                 return Ok(None);
             }
+            let used = self.belief.used().to_vec();
             match self.explain(&played.seen) {
                 Judged::Wrong => {}
                 Judged::Learnt if lesson < LESSONS => continue,
                 Judged::Learnt | Judged::Expected => return Ok(None),
             }
             let Played { session, seen, .. } = played;
-            return Ok(Some(Finding::new(number, session, seen, violation, stage)));
+            return Ok(Some(Finding::new(number, session, seen, violation, stage).believed(used)));
         }
         Ok(None)
     }

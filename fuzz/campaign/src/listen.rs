@@ -279,7 +279,14 @@ impl<'b> Listener<'b> {
             let seen = stretch.seen[..place].to_vec();
             self.findings.push((
                 at,
-                Finding { number, session, seen, violation: violation.clone(), said: None },
+                Finding {
+                    number,
+                    session,
+                    seen,
+                    violation: violation.clone(),
+                    said: None,
+                    used: Vec::new(),
+                },
             ));
             stretch.seen.clear();
         }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use campaign::session::{Played, Script, Session};
 use campaign::{
-    Action, Belief, Blueprint, Campaign, End, Finding, Judged, Kept, Kind, Look, Stage,
+    Action, Belief, Blueprint, Campaign, Candidate, End, Finding, Judged, Kept, Kind, Look, Stage,
     VirtualDevice, kept, look, shrink,
 };
 use canopen::eds::Eds;
@@ -184,12 +184,12 @@ impl Modelled {
     ) -> Finding {
         let mutant = mutant.and_then(|place| {
             let mutant = &self.blueprint.mutants()[*place];
-            self.blueprint.build(campaign.belief().freedoms().chain([mutant]))
+            self.blueprint.build(self.believed(finding).chain([mutant]))
         });
         let like_it = mutant.map(|it| VirtualDevice::new(it, self.blueprint.settings().bit_rate));
         if let Some(mut like_it) = like_it
             && let Some(short) = self.shrunk(campaign, &mut like_it, finding, TRIES)
-            && let Some(shown) = self.shows(campaign, stage, finding, &short.session.actions)
+            && let Some(shown) = self.shows(stage, finding, &short.session.actions)
             && is_wrong(campaign, &shown)
         {
             return shown;
@@ -210,38 +210,44 @@ impl Modelled {
         let (all, attempts) = (&finding.session.actions, 1 + stage.repeats());
         // A device in its own time may be late once.
         let in_the_end = |stage: &mut dyn Stage, actions: &[Action]| {
-            (0..attempts).find_map(|_| self.shows(campaign, stage, finding, actions))
+            (0..attempts).find_map(|_| self.shows(stage, finding, actions))
         };
         in_the_end(stage, all)?;
-        let short = shrink(all, tries, &mut |actions| {
-            self.shows(campaign, stage, finding, actions).is_some()
-        });
+        let short =
+            shrink(all, tries, &mut |actions| self.shows(stage, finding, actions).is_some());
         let shown = in_the_end(stage, &short)?;
         if is_wrong(campaign, &shown) {
             return Some(shown);
         }
         // What is left is something that a freedom explains.
         let short = shrink(all, CAREFUL, &mut |actions| {
-            let shown = self.shows(campaign, stage, finding, actions);
+            let shown = self.shows(stage, finding, actions);
             shown.is_some_and(|shown| is_wrong(campaign, &shown))
         });
         in_the_end(stage, &short)
     }
 
+    /// The freedoms that the device was believed to use when something was found. What was learnt
+    /// is doubted afterwards, and without it something else would come first.
+    fn believed(&self, finding: &Finding) -> impl Iterator<Item = &Candidate> {
+        finding.used.iter().map(|place| &self.blueprint.freedoms()[*place])
+    }
+
     /// What the actions show, when it is the same.
     fn shows(
         &self,
-        campaign: &Campaign<'_>,
         stage: &mut dyn Stage,
         finding: &Finding,
         actions: &[Action],
     ) -> Option<Finding> {
         let script = Script::Actions(actions);
-        let played = stage.play(&self.blueprint, campaign.belief().model(), &script).ok()?;
+        let model = self.blueprint.build(self.believed(finding))?;
+        let played = stage.play(&self.blueprint, model, &script).ok()?;
         match played.end {
             Some(End::Violation(violation)) if violation.is_like(&finding.violation) => {
                 let Played { session, seen, .. } = played;
-                Some(Finding::new(finding.number, session, seen, violation, stage))
+                let shown = Finding::new(finding.number, session, seen, violation, stage);
+                Some(shown.believed(finding.used.clone()))
             }
             _ => None,
         }
