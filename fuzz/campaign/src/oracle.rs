@@ -937,6 +937,8 @@ impl<'b> Oracle<'b> {
                 Some(_) => Ok(()),
                 None => self.take(now, frame),
             },
+            // When its SDO client asks, and what, the application decides.
+            Class::Other if self.is_of_client(frame) => Ok(()),
             // An error of the application, of which there was no message.
             Class::Sdo
                 if self.blueprint.listens()
@@ -962,6 +964,14 @@ impl<'b> Oracle<'b> {
             _ if self.errors => self.owed(now, What::Unexpected(*frame, expected)),
             _ => self.unexpected(now, frame, expected),
         }
+    }
+
+    /// Whether a frame is a request of an SDO client of the device.
+    fn is_of_client(&self, frame: &Frame) -> bool {
+        let od = self.model.dictionary();
+        let clients = od.entries_in(0x1280..=0x12FF).iter().filter(|entry| entry.mux.sub == 1);
+        let mut cobs = clients.filter_map(|entry| Some(CobId(od.int(entry.mux)? as u32)));
+        cobs.any(|cob| cob.valid() && frame.any_data_id() == Some(cob.can_id()))
     }
 
     /// Whether a frame is the boot-up message of a node that has another id.
