@@ -196,7 +196,7 @@ impl<'b> Belief<'b> {
     /// explains most first.
     fn with_each(&self, now: &Step, logs: &[&[Seen]], but: &[usize]) -> Vec<Step> {
         let (number, place) = now.reached;
-        let all = self.dissenting(&now.used, &until(logs[number], place));
+        let all = self.dissenting(&now.used, until(logs[number], place));
         let others = all.into_iter().filter(|freedom| !but.contains(freedom));
         let steps = others.map(|freedom| {
             let used: Vec<usize> = now.used.iter().copied().chain([freedom]).collect();
@@ -267,7 +267,7 @@ impl<'b> Belief<'b> {
         more: usize,
     ) -> Option<Step> {
         let (number, place) = now.reached;
-        let seen = &until(logs[number], place);
+        let seen = until(logs[number], place);
         let muted = self.blueprint.muted_freedoms(&now.used)?;
         let mut lately = muted.dissenting_lately(self.blueprint, seen, LATELY);
         lately.retain(|freedom| !known.contains(freedom));

@@ -62,26 +62,8 @@ impl Draw<'_> {
             }
             K::BlockSegments | K::BlockSegmentsWrong => self.block_segments(kind, scene),
             K::BlockEnd | K::BlockEndWrong => self.block_end(kind, scene),
-            K::BlockUpload => {
-                let mux = self.long_or_any(scene, 50)?;
-                let size = self.pick(&[1, 2, 4, 21, 126, 127, 127, 127, 0, 128])?;
-                // Whether a server that switches to another protocol looks at the size is open.
-                let may_switch = (1..=127).contains(&size);
-                let threshold = self.pick(&[0, 0, 0, 4, 8, 100, 255]).filter(|_| may_switch);
-                let threshold = threshold.unwrap_or(0);
-                let crc = self.chance(80);
-                let block = BlockRequest::Upload { mux, crc, size, threshold };
-                Some(self.asks(kind, Request::Block(block)))
-            }
-            K::BlockStart => {
-                let mut frames = vec![Request::Block(BlockRequest::UploadStart).frame(self.node())];
-                if !self.blueprint.is_in_its_own_time() && self.chance(8) {
-                    // The segments are under way.
-                    let abort = Request::Abort(self.subject?, Abort::GENERAL);
-                    frames.push(abort.frame(self.node()));
-                }
-                Some(self.sends(kind, frames, SUB_BLOCK))
-            }
+            K::BlockUpload => self.block_upload(scene),
+            K::BlockStart => self.block_start(),
             K::BlockAck | K::BlockAckWrong => self.block_ack(kind, scene),
             K::BlockUploadEnd => {
                 let frame = Request::Block(BlockRequest::UploadEnd).frame(self.node());
@@ -379,6 +361,27 @@ impl Draw<'_> {
             }
         }
         Some(self.asks(kind, Request::Block(BlockRequest::DownloadEnd(end))))
+    }
+
+    fn block_upload(&mut self, scene: Scene<'_>) -> Option<Action> {
+        let mux = self.long_or_any(scene, 50)?;
+        let size = self.pick(&[1, 2, 4, 21, 126, 127, 127, 127, 0, 128])?;
+        // Whether a server that switches to another protocol looks at the size is open.
+        let may_switch = (1..=127).contains(&size);
+        let threshold = self.pick(&[0, 0, 0, 4, 8, 100, 255]).filter(|_| may_switch);
+        let (crc, threshold) = (self.chance(80), threshold.unwrap_or(0));
+        let block = BlockRequest::Upload { mux, crc, size, threshold };
+        Some(self.asks(Kind::BlockUpload, Request::Block(block)))
+    }
+
+    fn block_start(&mut self) -> Option<Action> {
+        let mut frames = vec![Request::Block(BlockRequest::UploadStart).frame(self.node())];
+        if !self.blueprint.is_in_its_own_time() && self.chance(8) {
+            // The segments are under way.
+            let abort = Request::Abort(self.subject?, Abort::GENERAL);
+            frames.push(abort.frame(self.node()));
+        }
+        Some(self.sends(Kind::BlockStart, frames, SUB_BLOCK))
     }
 
     fn block_ack(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Action> {
