@@ -591,10 +591,6 @@ pub struct DeviceArgs {
     /// of JSON
     #[arg(long, value_name = "RIG")]
     pub bench: Option<String>,
-    /// Fill so many percent of the time of a real bus with frames of nobody, 7F0h, under which the
-    /// device must do the same
-    #[arg(long, value_name = "PERCENT", value_parser = whole::<u8>(1..=95))]
-    pub load: Option<u8>,
 }
 
 /// Arguments of `fuzz repro` and `fuzz shrink`.

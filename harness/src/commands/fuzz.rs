@@ -271,7 +271,7 @@ fn repro(args: &FindingArgs, stop: &Stop) -> Result<Exit, Refused> {
     let selection = file.device(&args.device).selection()?;
     let target = target_of(&selection, stop)?;
     let _held = stop.hold();
-    let mut stage = Place::of(&target, &selection, stop)?.under(args.device.load)?;
+    let mut stage = Place::of(&target, &selection, stop)?;
     let modelled = Modelled::of(&target, &mut stage, file.oracle.as_deref())?;
     let session = Session { actions: file.actions.clone() };
     let again = modelled.again(&mut stage, &file.freedoms, &session)?;
@@ -293,7 +293,7 @@ fn shorten(args: &FindingArgs, stop: &Stop) -> Result<Exit, Refused> {
     let selection = file.device(&args.device).selection()?;
     let target = target_of(&selection, stop)?;
     let _held = stop.hold();
-    let mut stage = Place::of(&target, &selection, stop)?.under(args.device.load)?;
+    let mut stage = Place::of(&target, &selection, stop)?;
     let modelled = Modelled::of(&target, &mut stage, file.oracle.as_deref())?;
     let before = file.actions.len();
     let mut failed = None;

@@ -41,7 +41,7 @@ impl<'t> Prepared<'t> {
     ) -> Result<(Self, Place<'t>), Refused> {
         let library = run.selection.folders.load_part(|_| false)?;
         let waivers = waivers_of(run, &library.register)?;
-        let mut place = Place::of(target, &run.selection, stop)?.under(args.device.load)?;
+        let mut place = Place::of(target, &run.selection, stop)?;
         let modelled = Modelled::of(target, &mut place, args.oracle.as_deref())?;
         let modelled = modelled.knowing(&run.selection.folders, &target.dut, stop)?;
         let register = library.register;

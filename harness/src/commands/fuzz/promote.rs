@@ -38,7 +38,7 @@ pub(super) fn run(args: &PromoteArgs, stop: &Stop) -> Result<Exit, Refused> {
     let selection = file.device(&args.device).selection()?;
     let target = target_of(&selection, stop)?;
     let _held = stop.hold();
-    let mut stage = Place::of(&target, &selection, stop)?.under(args.device.load)?;
+    let mut stage = Place::of(&target, &selection, stop)?;
     let modelled = Modelled::of(&target, &mut stage, file.oracle.as_deref())?;
     let session = Actions { actions: file.actions.clone() };
     let shown = modelled.again(&mut stage, &file.freedoms, &session)?;

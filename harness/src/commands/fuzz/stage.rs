@@ -41,18 +41,6 @@ impl<'t> Place<'t> {
         })
     }
 
-    /// The same on a bus that is kept busy, so many percent of its time.
-    ///
-    /// # Errors
-    /// When it is on no bus.
-    pub(in crate::commands) fn under(self, load: Option<u8>) -> Result<Self, Refused> {
-        match (self, load) {
-            (place, None) => Ok(place),
-            (Self::Bus(device), Some(percent)) => Ok(Self::Bus(Box::new(device.under(percent)?))),
-            (Self::Virtual(_), Some(_)) => Err(unloaded()),
-        }
-    }
-
     fn stage(&mut self) -> &mut dyn Stage {
         match self {
             Self::Virtual(device) => device,
@@ -74,13 +62,6 @@ impl<'t> Place<'t> {
             device.give_back();
         }
     }
-}
-
-fn unloaded() -> Refused {
-    Refused::usage(
-        "--load fills a bus, and this device is on none: name one such as `--target can0`, on \
-         which `harness serve` can be the device",
-    )
 }
 
 /// The actions that sessions on the device leave out: no program of the user's switches a supply

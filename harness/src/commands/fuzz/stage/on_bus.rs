@@ -12,7 +12,7 @@ use runner::protect::Deed;
 use runner::run::{Policy, Started, Visit};
 use runner::stop::Stop;
 
-use crate::bus::{Busy, Loaded, Reached, Watch};
+use crate::bus::{Reached, Watch};
 use crate::commands::run::undo;
 use crate::exit::Refused;
 use crate::files::words;
@@ -29,8 +29,6 @@ pub(in crate::commands) struct OnBus<'t> {
     /// What a program tells beside its frames, and what it has told so far.
     watch: Option<Arc<Watch>>,
     reached: Reached,
-    /// How busy the bus was, where it is kept so.
-    busy: Option<Busy>,
     /// Why it is lost.
     lost: Option<String>,
 }
@@ -51,8 +49,8 @@ impl<'t> OnBus<'t> {
         stop: &Stop,
     ) -> Result<Self, Refused> {
         let stop = stop.of_session();
-        let (bus, visit, watch, reached, busy, lost) = Default::default();
-        let mut on_bus = Self { target, stop, bus, visit, watch, reached, busy, lost };
+        let (bus, visit, watch, reached, lost) = Default::default();
+        let mut on_bus = Self { target, stop, bus, visit, watch, reached, lost };
         if !target.outlives_the_program() {
             let watch = Watch::new().map_err(|error| Refused::bus(words(&error)))?;
             on_bus.watch = Some(Arc::new(watch));
@@ -75,19 +73,6 @@ impl<'t> OnBus<'t> {
         Ok(on_bus)
     }
 
-    /// The same on a bus that is kept busy, so many percent of its time.
-    ///
-    /// # Errors
-    /// When it is a program that has no bus.
-    pub(super) fn under(mut self, percent: u8) -> Result<Self, Refused> {
-        let bit_rate = self.target.dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE);
-        let Some(bus) = self.bus.take() else { return Err(super::unloaded()) };
-        let (bus, busy) = Loaded::new(bus, percent, bit_rate);
-        self.bus = Some(Box::new(bus));
-        self.busy = Some(busy);
-        Ok(self)
-    }
-
     /// Why it is lost, if it is.
     pub(super) fn lost(&self) -> Option<&str> {
         self.lost.as_deref()
@@ -96,11 +81,6 @@ impl<'t> OnBus<'t> {
     /// Sets back what is still changed in the device, and says what is not.
     pub(super) fn give_back(&mut self) {
         let (Some(visit), Some(bus)) = (self.visit.take(), &mut self.bus) else { return };
-        if let Some(busy) = &self.busy {
-            let bit_rate = self.target.dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE);
-            let (share, time) = busy.share(bit_rate);
-            complain!("note: the wire was busy for {share} % of {} s", time.as_secs());
-        }
         // A bus that has failed says nothing more.
         let outputs = visit.said_of_outputs(&mut **bus).unwrap_or_default();
         outputs.iter().for_each(|said| complain!("note: {}", harmless(said)));
