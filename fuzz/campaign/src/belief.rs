@@ -5,6 +5,7 @@ use canopen::sdo::{RESPONSE_COB_ID, Response};
 use reference_devices::change::Replica;
 
 use crate::blueprint::{Blueprint, Candidate, Muted};
+use crate::diagnosis::Log;
 use crate::oracle::{Oracle, Seen};
 use crate::session::judge;
 
@@ -20,7 +21,7 @@ pub struct Belief<'b> {
     /// What showed them: another belief must explain it, too.
     evidence: Vec<Vec<Seen>>,
     /// What showed freedoms that did not hold.
-    doubtful: Vec<Vec<Seen>>,
+    doubtful: Vec<Log>,
     /// Whether the device has done something wrong, which may have looked like a freedom.
     is_wrong: bool,
 }
@@ -63,9 +64,15 @@ impl<'b> Belief<'b> {
     /// A device that is said to use these freedoms, by their places in the blueprint; `None` when
     /// it cannot be built.
     pub fn new(blueprint: &'b Blueprint, used: Vec<usize>) -> Option<Self> {
-        let model = blueprint.build(used.iter().map(|place| &blueprint.freedoms()[*place]))?;
+        let model = blueprint.build(blueprint.freedoms_at(&used))?;
         let (given, evidence, doubtful) = (used.clone(), Vec::new(), Vec::new());
         Some(Self { blueprint, given, used, model, evidence, doubtful, is_wrong: false })
+    }
+
+    /// A device that has shown that it uses these freedoms, by their places in the blueprint; `None`
+    /// when it cannot be built. They give way to what explains more.
+    pub fn learnt(blueprint: &'b Blueprint, used: Vec<usize>) -> Option<Self> {
+        Some(Self { given: Vec::new(), ..Self::new(blueprint, used)? })
     }
 
     /// One more freedom that the device is said to use, by its place in the blueprint; as before
@@ -86,8 +93,7 @@ impl<'b> Belief<'b> {
 
     /// The freedoms.
     pub fn freedoms(&self) -> impl Iterator<Item = &'b Candidate> + '_ {
-        let blueprint = self.blueprint;
-        self.used.iter().map(|place| &blueprint.freedoms()[*place])
+        self.blueprint.freedoms_at(&self.used)
     }
 
     /// Their places in the blueprint.
@@ -121,8 +127,7 @@ impl<'b> Belief<'b> {
             Some(used)
         });
         let Some((used, model)) = found.and_then(|used| {
-            let freedoms = used.iter().map(|place| &self.blueprint.freedoms()[*place]);
-            let model = self.blueprint.build(freedoms)?;
+            let model = self.blueprint.build(self.blueprint.freedoms_at(&used))?;
             Some((used, model))
         }) else {
             self.doubt();
@@ -142,19 +147,18 @@ impl<'b> Belief<'b> {
     /// What was learnt of a device that does something wrong may be part of that.
     fn doubt(&mut self) {
         self.is_wrong = true;
-        let freedoms = self.given.iter().map(|place| &self.blueprint.freedoms()[*place]);
-        if let Some(model) = self.blueprint.build(freedoms) {
+        if let Some(model) = self.blueprint.build(self.blueprint.freedoms_at(&self.given)) {
             (self.used, self.model) = (self.given.clone(), model);
         }
-        self.doubtful.append(&mut self.evidence);
+        let log = |seen| Log { used: self.used.clone(), seen };
+        self.doubtful.extend(self.evidence.drain(..).map(log));
         self.doubtful.truncate(MOST_EVIDENCE);
     }
 
     /// How far a device with these freedoms explains what was seen: which session it does not
     /// explain, and up to where it does; the number of sessions when it explains all.
     fn reaches(&self, used: &[usize], logs: &[&[Seen]]) -> (usize, usize) {
-        let all = self.blueprint.freedoms();
-        let Some(model) = self.blueprint.build(used.iter().map(|place| &all[*place])) else {
+        let Some(model) = self.blueprint.build(self.blueprint.freedoms_at(used)) else {
             return (0, 0);
         };
         for (number, log) in logs.iter().enumerate() {
@@ -294,8 +298,8 @@ impl<'b> Belief<'b> {
     }
 
     /// What showed freedoms that did not hold.
-    pub(crate) fn doubtful(&self) -> impl Iterator<Item = &[Seen]> {
-        self.doubtful.iter().map(Vec::as_slice)
+    pub(crate) fn doubtful(&self) -> impl Iterator<Item = &Log> {
+        self.doubtful.iter()
     }
 }
 

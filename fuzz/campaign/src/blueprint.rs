@@ -312,6 +312,14 @@ impl Blueprint {
         &self.freedoms.all
     }
 
+    /// The freedoms at these places.
+    pub fn freedoms_at<'b, 'p>(
+        &'b self,
+        places: &'p [usize],
+    ) -> impl Iterator<Item = &'b Candidate> + use<'b, 'p> {
+        places.iter().map(|place| &self.freedoms.all[*place])
+    }
+
     /// The mistakes that the device may have.
     pub fn mutants(&self) -> &[Candidate] {
         &self.mutants.all

@@ -8,7 +8,7 @@ use rustc_hash::FxHashSet;
 
 use crate::belief::{Belief, Judged};
 use crate::blueprint::Blueprint;
-use crate::diagnosis::{Suspect, dissenting, explains, suspects};
+use crate::diagnosis::{Log, Suspect, dissenting, explains, suspects};
 use crate::explore::{Coverage, Sights};
 use crate::oracle::{End, Oracle, Seen, Violation, What};
 use crate::session::{Goal, Played, Script, Session};
@@ -122,7 +122,7 @@ pub struct Campaign<'b> {
     tally: Tally,
     lessons: u64,
     /// The last sessions in which nothing was wrong.
-    right: VecDeque<Vec<Seen>>,
+    right: VecDeque<Log>,
     /// The sessions that reached code which none before had, by their numbers.
     further: Vec<(u64, Vec<u8>)>,
 }
@@ -259,7 +259,7 @@ impl<'b> Campaign<'b> {
         if self.right.len() == MOST_RIGHT {
             self.right.pop_front();
         }
-        self.right.push_back(seen);
+        self.right.push_back(Log { used: self.belief.used().to_vec(), seen });
     }
 
     /// Looks for freedoms that explain what is not as expected.
@@ -310,11 +310,13 @@ impl<'b> Campaign<'b> {
 
     /// The mutants that do what these findings are, the likeliest first.
     pub fn suspects(&self, findings: &[&Finding]) -> Vec<Suspect> {
-        let seen = findings.iter().map(|finding| finding.seen.as_slice());
+        let log = |it: &&Finding| Log { used: it.used.clone(), seen: it.seen.clone() };
+        let logs: Vec<Log> = findings.iter().map(log).collect();
         // The sessions of an exploration are long, and each mutant would work through all of them.
         let most = if self.blueprint.surface().is_some() { MOST_LONG } else { MOST_RIGHT };
-        let right: Vec<&[Seen]> = self.right.iter().rev().take(most).map(Vec::as_slice).collect();
-        suspects(self.blueprint, &self.belief, seen.chain(self.belief.doubtful()), &right)
+        let right: Vec<&Log> = self.right.iter().rev().take(most).collect();
+        let wrong = logs.iter().chain(self.belief.doubtful());
+        suspects(self.blueprint, self.belief.used(), wrong, &right)
     }
 }
 
@@ -322,12 +324,13 @@ impl Campaign<'_> {
     /// Those of the mutants of the blueprint at these places that would have made a difference to
     /// what was seen, or may have.
     pub fn dissenting(&self, seen: &[Seen], places: &[usize]) -> Vec<usize> {
-        dissenting(self.blueprint, &self.belief, seen, places)
+        dissenting(self.blueprint, self.belief.used(), seen, places)
     }
 
     /// Whether a mutant of the blueprint does what a finding is.
     pub fn explains(&self, mutant: usize, finding: &Finding) -> bool {
-        explains(self.blueprint, &self.belief, mutant, &finding.seen)
+        let log = (&*finding.used, &*finding.seen);
+        explains(self.blueprint, self.belief.used(), mutant, log)
     }
 }
 

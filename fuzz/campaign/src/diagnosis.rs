@@ -1,9 +1,10 @@
 //! The mutants that do what was seen.
 
+use std::collections::BTreeMap;
+
 use reference_devices::change::Replica;
 use rustc_hash::FxHashMap;
 
-use crate::belief::Belief;
 use crate::blueprint::Blueprint;
 use crate::oracle::{Oracle, Seen};
 use crate::session::judge;
@@ -22,54 +23,89 @@ pub struct Suspect {
     pub owes: usize,
 }
 
+/// What was seen of a device.
+#[derive(Clone, Debug)]
+pub(crate) struct Log {
+    /// The freedoms that it was believed to use then, by their places in the blueprint. What comes
+    /// before the thing that is wrong needs them; the thing itself may have looked like one.
+    pub(crate) used: Vec<usize>,
+    pub(crate) seen: Vec<Seen>,
+}
+
+/// Devices of mutants that use freedoms of the blueprint, by the places of both.
+struct Devices<'b> {
+    blueprint: &'b Blueprint,
+    built: FxHashMap<(Vec<usize>, usize), Option<Box<dyn Replica>>>,
+}
+
+impl Devices<'_> {
+    fn device(&mut self, used: &[usize], mutant: usize) -> Option<&dyn Replica> {
+        let build = || build(self.blueprint, used, mutant);
+        self.built.entry((used.to_vec(), mutant)).or_insert_with(build).as_deref()
+    }
+}
+
 /// The mutants of a blueprint that do what was seen: those first that explain most sessions and
 /// contradict fewest of those in which nothing was wrong.
 pub(crate) fn suspects<'s>(
     blueprint: &Blueprint,
-    belief: &Belief<'_>,
-    sessions: impl Iterator<Item = &'s [Seen]>,
-    right: &[&[Seen]],
+    believed: &[usize],
+    wrong: impl Iterator<Item = &'s Log>,
+    right: &[&Log],
 ) -> Vec<Suspect> {
-    let mut devices: FxHashMap<usize, Option<Box<dyn Replica>>> = FxHashMap::default();
+    let mut devices = Devices { blueprint, built: FxHashMap::default() };
     let mut counts: FxHashMap<usize, (usize, usize)> = FxHashMap::default();
     let all: Vec<usize> = (0..blueprint.mutants().len()).collect();
-    for seen in sessions {
-        for mutant in dissenting(blueprint, belief, seen, &all) {
-            let device = devices.entry(mutant).or_insert_with(|| build(blueprint, belief, mutant));
-            let owed = device.as_deref().and_then(|device| owed(blueprint, device, seen));
-            if let Some(owed) = owed {
-                let (explains, owes) = counts.entry(mutant).or_default();
-                (*explains, *owes) = (*explains + 1, *owes + owed);
+    for Log { used, seen } in wrong {
+        let mut owing: BTreeMap<usize, usize> = BTreeMap::new();
+        for used in bases(used, believed) {
+            for mutant in dissenting(blueprint, used, seen, &all) {
+                let device = devices.device(used, mutant);
+                if let Some(owed) = device.and_then(|device| owed(blueprint, device, seen)) {
+                    owing.entry(mutant).and_modify(|least| *least = owed.min(*least)).or_insert(owed);
+                }
             }
+        }
+        for (mutant, owed) in owing {
+            let (explains, owes) = counts.entry(mutant).or_default();
+            (*explains, *owes) = (*explains + 1, *owes + owed);
         }
     }
     let most = counts.values().map(|(explains, _)| *explains).max().unwrap_or(0);
     let mut all: Vec<Suspect> = counts
         .into_iter()
         .map(|(mutant, (explains, owes))| {
-            let device = devices[&mutant].as_deref();
             // Those that explain less come after the others anyway.
             let looked = if explains == most { right } else { &[] };
-            let wrong = |seen: &&&[Seen]| device.is_some_and(|it| !agrees(blueprint, it, seen));
-            Suspect { mutant, explains, contradicts: looked.iter().filter(wrong).count(), owes }
+            let contradicted = looked.iter().filter(|log| {
+                let device = devices.device(&log.used, mutant);
+                device.is_some_and(|device| !agrees(blueprint, device, &log.seen))
+            });
+            Suspect { mutant, explains, contradicts: contradicted.count(), owes }
         })
         .collect();
     all.sort_by_key(|it| (std::cmp::Reverse(it.explains), it.contradicts, it.owes, it.mutant));
     all
 }
 
+/// The freedoms beside which a mutant may do what was seen.
+fn bases<'l>(used: &'l [usize], believed: &'l [usize]) -> impl Iterator<Item = &'l [usize]> {
+    [used].into_iter().chain((used != believed).then_some(believed))
+}
+
 /// Whether a mutant does what was seen.
 pub(crate) fn explains(
     blueprint: &Blueprint,
-    belief: &Belief<'_>,
+    believed: &[usize],
     mutant: usize,
-    seen: &[Seen],
+    (used, seen): (&[usize], &[Seen]),
 ) -> bool {
-    build(blueprint, belief, mutant).is_some_and(|device| agrees(blueprint, &*device, seen))
+    let mut devices = bases(used, believed).filter_map(|used| build(blueprint, used, mutant));
+    devices.any(|device| agrees(blueprint, &*device, seen))
 }
 
-fn build(blueprint: &Blueprint, belief: &Belief<'_>, mutant: usize) -> Option<Box<dyn Replica>> {
-    blueprint.build(belief.freedoms().chain([&blueprint.mutants()[mutant]]))
+fn build(blueprint: &Blueprint, used: &[usize], mutant: usize) -> Option<Box<dyn Replica>> {
+    blueprint.build(blueprint.freedoms_at(used).chain([&blueprint.mutants()[mutant]]))
 }
 
 fn agrees(blueprint: &Blueprint, device: &dyn Replica, seen: &[Seen]) -> bool {
@@ -91,14 +127,14 @@ fn owed(blueprint: &Blueprint, device: &dyn Replica, seen: &[Seen]) -> Option<us
 /// have.
 pub(crate) fn dissenting(
     blueprint: &Blueprint,
-    belief: &Belief<'_>,
+    used: &[usize],
     seen: &[Seen],
     places: &[usize],
 ) -> Vec<usize> {
     let devices = places.len().div_ceil(TOGETHER);
     let group = |number: usize| places.iter().skip(number).step_by(devices).copied();
     let groups = (0..devices).map(group);
-    let muted = groups.filter_map(|it| blueprint.muted_mutants(belief.freedoms(), it));
+    let muted = groups.filter_map(|it| blueprint.muted_mutants(blueprint.freedoms_at(used), it));
     muted.flat_map(|muted| muted.dissenting(blueprint, seen)).collect()
 }
 

@@ -414,7 +414,7 @@ impl<'b> Oracle<'b> {
             self.refused = false;
         }
         self.last = Some(*frame);
-        if is_reset(frame) {
+        if is_reset(frame, self.blueprint.node()) {
             self.release();
             // Reset communication leaves the objects of the application alone (CIA301-NMT-33).
             if frame.data.first() == Some(&Service::RESET_NODE.0) {
@@ -1092,10 +1092,11 @@ fn wrong(at: Instant, what: What) -> Result<(), End> {
     Err(End::Violation(Violation { at, what }))
 }
 
-pub(crate) fn is_reset(frame: &Frame) -> bool {
+/// Whether a frame resets a node.
+pub(crate) fn is_reset(frame: &Frame, node: u8) -> bool {
     let command = Command::decode(&frame.data).ok();
     let resets = [Service::RESET_NODE, Service::RESET_COMMUNICATION];
-    frame.data_id() == Some(nmt::COB_ID) && command.is_some_and(|it| resets.contains(&it.service))
+    commands(frame, node) && command.is_some_and(|it| resets.contains(&it.service))
 }
 
 /// Whether a frame commands a node to enter a state.

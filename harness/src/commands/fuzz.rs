@@ -255,7 +255,8 @@ fn kept(
             exit: Exit::File,
             message: format!("error: {}: {}", folder.display(), words(error)),
         };
-        let believed = campaign.belief().freedoms().map(|freedom| freedom.name.clone());
+        let used = prepared.modelled.blueprint.freedoms_at(&finding.used);
+        let believed = used.map(|freedom| freedom.name.clone());
         let file = FindingFile::of(prepared.target, args, cause, &finding, believed.collect());
         fs::create_dir_all(folder).map_err(|error| refused(&error))?;
         let name = folder.join(format!("{}.json", cause.name));

@@ -29,7 +29,7 @@ pub(super) fn aligned(model: &dyn Replica, node: u8, seen: &[Seen]) -> Vec<Seen>
                 all.push(what.clone());
                 continue;
             }
-            Seen::Frame(stamped) if is_reset(&stamped.frame) => {
+            Seen::Frame(stamped) if is_reset(&stamped.frame, node) => {
                 held = Some((stamped.at, Some(all.len())));
                 all.push(what.clone());
                 continue;

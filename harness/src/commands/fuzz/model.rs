@@ -155,7 +155,9 @@ impl Modelled {
         freedoms: &[String],
         session: &Session,
     ) -> Result<Option<Finding>, Refused> {
-        let mut belief = self.places(freedoms).fold(self.belief()?, Belief::with);
+        // What was learnt was no freedom if the device is wrong, so it is not given.
+        let belief = Belief::learnt(&self.blueprint, self.places(freedoms).collect());
+        let mut belief = belief.map_or_else(|| self.belief(), Ok)?;
         let script = Script::Actions(&session.actions);
         for _ in 0..LESSONS {
             let played = stage.play(&self.blueprint, belief.model(), &script);
@@ -230,7 +232,7 @@ impl Modelled {
     /// The freedoms that the device was believed to use when something was found. What was learnt
     /// is doubted afterwards, and without it something else would come first.
     fn believed(&self, finding: &Finding) -> impl Iterator<Item = &Candidate> {
-        finding.used.iter().map(|place| &self.blueprint.freedoms()[*place])
+        self.blueprint.freedoms_at(&finding.used)
     }
 
     /// What the actions show, when it is the same.
