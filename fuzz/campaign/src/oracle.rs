@@ -563,6 +563,10 @@ impl<'b> Oracle<'b> {
             Class::Tpdo(ref tpdo) if self.is_free(tpdo) => {
                 // Before its first period is over, only the application knows whether it comes.
                 let runs = now.since(self.anew(tpdo)) >= tpdo.period;
+                // After a pause, such as that of a new bit rate, its phase is that of its last
+                // event, which only the application knows.
+                let said = self.queues.said(&frame);
+                let runs = runs && said.is_some_and(|then| now.since(then) <= tpdo.period + LATE);
                 // One of type 0 has no event timer: its events are those of the application.
                 let timed = tpdo.kind >= 254 && !tpdo.period.is_zero() && runs;
                 if timed { Must::Within(tpdo.period) } else { Must::Not }

@@ -293,6 +293,9 @@ impl<'p> Player<'p> {
     }
 
     fn power(&mut self, on: bool) -> Result<(), BusError> {
+        // What the device does at this very moment, it does before, as the model will.
+        let now = self.bus.now();
+        self.wait(now, &mut |_| false)?;
         let Some(bench) = self.bus.bench() else { return Ok(()) };
         let value = Value::Text(if on { "on" } else { "off" }.to_owned());
         bench.set(POWER, &value).map_err(|why| BusError::Io(why.to_string()))?;

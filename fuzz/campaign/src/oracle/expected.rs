@@ -41,6 +41,8 @@ struct Queue {
     expected: VecDeque<Expected>,
     /// When the device last sent a frame with the identifier.
     last: Option<Instant>,
+    /// When the model did.
+    said: Option<Instant>,
     /// The last frame that need not have come: it may have been the next one that must.
     spare: Option<(Instant, Frame)>,
 }
@@ -48,7 +50,8 @@ struct Queue {
 impl Queues {
     fn queue(&mut self, id: Id) -> &mut Queue {
         let place = self.of_ids.iter().position(|queue| queue.id == id).unwrap_or_else(|| {
-            self.of_ids.push(Queue { id, expected: VecDeque::new(), last: None, spare: None });
+            let expected = VecDeque::new();
+            self.of_ids.push(Queue { id, expected, last: None, said: None, spare: None });
             self.of_ids.len() - 1
         });
         &mut self.of_ids[place]
@@ -85,7 +88,9 @@ impl Queues {
 
     /// The device must send this frame.
     pub(super) fn expect(&mut self, expected: Expected) {
-        self.queue(expected.frame.id).expected.push_back(expected);
+        let queue = self.queue(expected.frame.id);
+        queue.said = Some(expected.at);
+        queue.expected.push_back(expected);
     }
 
     /// Takes the frame that a frame of the device is, with those before it that need not come.
@@ -131,6 +136,11 @@ impl Queues {
     /// When it last sent one with the identifier.
     pub(super) fn last(&mut self, frame: &Frame) -> Option<Instant> {
         self.queue(frame.id).last
+    }
+
+    /// When the model last sent one with the identifier.
+    pub(super) fn said(&mut self, frame: &Frame) -> Option<Instant> {
+        self.queue(frame.id).said
     }
 
     /// The device may have lost what it had to send.

@@ -48,7 +48,7 @@ pub(super) struct Identifiers {
     /// Those of RPDOs and of SYNC.
     received: Vec<Id>,
     tpdos: Vec<Tpdo>,
-    /// TPDOs as they were, and until when.
+    /// TPDOs as they were, and until when: the last ones at the end.
     former: Vec<(Instant, Tpdo)>,
 }
 
@@ -89,13 +89,20 @@ impl Identifiers {
             return Class::Lss;
         }
         self.look(model.dictionary(), now);
+        let others = self.servers.contains(&id) || self.emergency == Some(id);
+        // Nothing keeps a user from giving a TPDO the identifier of another service. What its
+        // application decides then is judged as a TPDO.
+        let shares = |tpdo: &&Tpdo| tpdo.id == id && tpdo.bytes == frame.data.len();
+        if let Some(tpdo) = self.tpdos.iter().find(shares).filter(|_| others) {
+            return Class::Tpdo(tpdo.clone());
+        }
         if self.servers.contains(&id) {
             return Class::Sdo;
         }
         if self.emergency == Some(id) {
             return Class::Emergency;
         }
-        let recent = self.former.iter().filter(|(until, _)| *until + late >= now);
+        let recent = self.former.iter().rev().filter(|(until, _)| *until + late >= now);
         let former = recent.map(|(_, tpdo)| tpdo);
         let tpdo = self.tpdos.iter().chain(former).find(|tpdo| tpdo.id == id);
         tpdo.map_or(Class::Other, |tpdo| Class::Tpdo(tpdo.clone()))
