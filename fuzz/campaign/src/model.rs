@@ -38,6 +38,11 @@ impl Model {
         self.device.node().transfers()
     }
 
+    /// Whether a request on the default channel is a segment of a block download.
+    pub(crate) fn takes_segments(&self) -> bool {
+        self.device.node().takes_segments()
+    }
+
     /// The next deadline, when it is before `to`.
     pub(crate) fn due_before(&self, to: Instant) -> Option<Instant> {
         self.due.filter(|due| *due < to)

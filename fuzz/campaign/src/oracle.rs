@@ -32,7 +32,7 @@ use reference_devices::change::Replica;
 use crate::blueprint::Blueprint;
 use crate::model::Model;
 use expected::{Expected, Must, Queues};
-use identifiers::{Class, Identifiers};
+use identifiers::{Class, HELD, Identifiers};
 use known::Known;
 use sdo::{Before, Request};
 use streams::{Streams, Taken};
@@ -389,6 +389,9 @@ impl<'b> Oracle<'b> {
         }
         while let Some(due) = self.model.due_before(to) {
             self.overdue(due)?;
+            if self.model.state() == NmtState::OPERATIONAL {
+                self.operational = due;
+            }
             let sent: Vec<Frame> = self.model.poll(due).collect();
             self.now = due;
             sent.into_iter().try_for_each(|frame| self.expect(due, frame))?;
@@ -909,7 +912,7 @@ impl<'b> Oracle<'b> {
             Class::Tpdo(tpdo)
                 if self.is_free(tpdo)
                     && frame.data.len() == tpdo.bytes
-                    && now.since(self.operational) <= self.usually_late() =>
+                    && now.since(self.operational) <= self.usually_late().max(HELD) =>
             {
                 // What is started or configured may send at once.
                 let anew = self.anew(tpdo);

@@ -98,6 +98,11 @@ impl Node {
         self.sdo.are_busy()
     }
 
+    /// Whether the default SDO server takes the next request for a segment of a block download.
+    pub fn takes_segments(&self) -> bool {
+        self.sdo.take_segments()
+    }
+
     /// Gives an object the value that the application of another device has given it.
     pub fn take_value(&mut self, mux: Mux, bytes: &[u8]) {
         self.services.base.od.set(mux, bytes);

@@ -85,6 +85,11 @@ impl SdoServer {
         self.state.mux().is_some()
     }
 
+    /// Whether segments of a block download come next.
+    pub(crate) fn takes_segments(&self) -> bool {
+        self.state.in_sub_block()
+    }
+
     /// The node leaves the states in which SDOs are served: an open transfer is dropped without an
     /// abort.
     pub(crate) fn drop_transfer(&mut self) {

@@ -27,6 +27,11 @@ impl SdoServers {
         std::iter::once(&self.default).chain(further).any(SdoServer::is_busy)
     }
 
+    /// Whether segments of a block download come next on the default channel.
+    pub(crate) fn take_segments(&self) -> bool {
+        self.default.takes_segments()
+    }
+
     /// Serves a request; `false` when the frame is none.
     pub(crate) fn handle_data(
         &mut self,

@@ -6,6 +6,7 @@ use std::time::Duration;
 use canopen::{Frame, Id, Instant};
 
 use super::What;
+use super::identifiers::HELD;
 
 /// A frame of the model.
 #[derive(Clone, Copy, Debug)]
@@ -143,10 +144,13 @@ impl Queues {
         self.queue(frame.id).said
     }
 
-    /// The device may have lost what it had to send.
+    /// The device may have lost what it had to send, or may still hold it.
     pub(super) fn release(&mut self) {
         let all = self.of_ids.iter_mut().flat_map(|queue| &mut queue.expected);
-        all.for_each(|expected| expected.must = Must::Not);
+        all.for_each(|expected| {
+            expected.must = Must::Not;
+            expected.later = expected.later.max(HELD);
+        });
         self.of_ids.iter_mut().for_each(|queue| queue.last = None);
     }
 

@@ -37,19 +37,28 @@ pub(super) struct Tpdo {
     pub(super) bytes: usize,
 }
 
+/// A service with an identifier that can be changed, which is no PDO.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Other {
+    Server,
+    Emergency,
+}
+
 /// The identifiers of a node.
 #[derive(Clone, Debug)]
 pub(super) struct Identifiers {
     node: u8,
     /// At which change of the dictionary the rest was looked at.
     looked: Option<u64>,
-    servers: Vec<Id>,
-    emergency: Option<Id>,
+    /// Those of further SDO servers and of EMCY.
+    others: Vec<(Id, Other)>,
     /// Those of RPDOs and of SYNC.
     received: Vec<Id>,
     tpdos: Vec<Tpdo>,
     /// TPDOs as they were, and until when: the last ones at the end.
     former: Vec<(Instant, Tpdo)>,
+    /// The others as they were.
+    former_others: Vec<(Instant, Id, Other)>,
 }
 
 impl Identifiers {
@@ -57,11 +66,11 @@ impl Identifiers {
         Self {
             node,
             looked: None,
-            servers: Vec::new(),
-            emergency: None,
+            others: Vec::new(),
             received: Vec::new(),
             tpdos: Vec::new(),
             former: Vec::new(),
+            former_others: Vec::new(),
         }
     }
 
@@ -70,7 +79,8 @@ impl Identifiers {
         self.looked = None;
     }
 
-    /// The service of a frame; a TPDO may have been another one up to `late` ago.
+    /// The service of a frame, which may have been sent up to `late` before a change of its
+    /// identifier.
     pub(super) fn class(
         &mut self,
         frame: &Frame,
@@ -89,23 +99,23 @@ impl Identifiers {
             return Class::Lss;
         }
         self.look(model.dictionary(), now);
-        let others = self.servers.contains(&id) || self.emergency == Some(id);
-        // Nothing keeps a user from giving a TPDO the identifier of another service. What its
-        // application decides then is judged as a TPDO.
-        let shares = |tpdo: &&Tpdo| tpdo.id == id && tpdo.bytes == frame.data.len();
-        if let Some(tpdo) = self.tpdos.iter().find(shares).filter(|_| others) {
-            return Class::Tpdo(tpdo.clone());
+        let recent = |until: Instant| until + late.max(HELD) >= now;
+        let other = self.others.iter().find(|(known, _)| *known == id).map(|(_, other)| *other);
+        let former = self.former.iter().rev().filter(|(until, _)| recent(*until));
+        let mut tpdos = self.tpdos.iter().chain(former.map(|(_, tpdo)| tpdo));
+        // A mapping that was changed may be the one before. Nothing keeps a user from giving a TPDO
+        // the identifier of another service: what its application decides is judged as a TPDO.
+        let fits = |tpdo: &&Tpdo| tpdo.id == id && tpdo.bytes == frame.data.len();
+        let tpdo = tpdos.clone().find(fits).or_else(|| tpdos.find(|tpdo| tpdo.id == id));
+        let tpdo = tpdo.filter(|tpdo| other.is_none() || fits(tpdo));
+        let former = self.former_others.iter().rev();
+        let mut former = former.filter(|(until, known, _)| *known == id && recent(*until));
+        match (tpdo, other.or_else(|| former.next().map(|(.., other)| *other))) {
+            (Some(tpdo), _) => Class::Tpdo(tpdo.clone()),
+            (None, Some(Other::Server)) => Class::Sdo,
+            (None, Some(Other::Emergency)) => Class::Emergency,
+            (None, None) => Class::Other,
         }
-        if self.servers.contains(&id) {
-            return Class::Sdo;
-        }
-        if self.emergency == Some(id) {
-            return Class::Emergency;
-        }
-        let recent = self.former.iter().rev().filter(|(until, _)| *until + late >= now);
-        let former = recent.map(|(_, tpdo)| tpdo);
-        let tpdo = self.tpdos.iter().chain(former).find(|tpdo| tpdo.id == id);
-        tpdo.map_or(Class::Other, |tpdo| Class::Tpdo(tpdo.clone()))
     }
 
     /// Whether a frame gives values to the objects that RPDOs map.
@@ -122,18 +132,23 @@ impl Identifiers {
             self.former.drain(..MOST_FORMER / 2);
         }
         self.former.extend(self.tpdos.drain(..).map(|tpdo| (now, tpdo)));
+        if self.former_others.len() > MOST_FORMER {
+            self.former_others.drain(..MOST_FORMER / 2);
+        }
+        self.former_others.extend(self.others.drain(..).map(|(id, other)| (now, id, other)));
         let valid = |mux: Mux| {
             let cob = CobId(od.int(mux)? as u32);
             cob.valid().then(|| cob.can_id())
         };
         let servers = od.entries_in(0x1201..=0x127F).iter().filter(|entry| entry.mux.sub == 2);
-        self.servers = servers.filter_map(|entry| valid(entry.mux)).collect();
+        let servers = servers.filter_map(|entry| Some((valid(entry.mux)?, Other::Server)));
         let predefined = Id::standard(emcy::COB_ID + u16::from(self.node));
         let emergency = Mux::new(0x1014, 0);
-        self.emergency = match od.int(emergency) {
+        let emergency = match od.int(emergency) {
             Some(_) => valid(emergency),
             None => Some(predefined),
         };
+        self.others = servers.chain(emergency.map(|id| (id, Other::Emergency))).collect();
         let parameters = |indices| od.entries_in(indices).iter().filter(|entry| entry.mux.sub == 1);
         let rpdos = parameters(0x1400..=0x15FF).filter_map(|entry| valid(entry.mux));
         let sync = od.int(Mux::new(SYNC, 0)).map(|cob| CobId(cob as u32).can_id());
@@ -144,7 +159,11 @@ impl Identifiers {
     }
 }
 
-/// How many TPDOs as they were are remembered.
+/// How long a device may hold a frame that is ready: its stack may be called in a cycle of 30 ms, and
+/// 8 ms are what any frame may be late.
+pub(super) const HELD: Duration = Duration::from_millis(40);
+
+/// How many identifiers as they were are remembered.
 const MOST_FORMER: usize = 64;
 
 impl Tpdo {

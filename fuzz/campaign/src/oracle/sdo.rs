@@ -109,7 +109,12 @@ pub(super) fn request(frame: &Frame, blueprint: &Blueprint, model: &Model) -> Op
     let od = model.dictionary();
     let further = od.entries_in(0x1201..=0x127F).iter().filter(|entry| entry.mux.sub == 1);
     let mut further = further.filter_map(|entry| Some(CobId(od.int(entry.mux)? as u32)));
-    if id != default && !further.any(|cob| cob.valid() && cob.can_id() == id) {
+    let by_default = id == default;
+    if !by_default && !further.any(|cob| cob.valid() && cob.can_id() == id) {
+        return None;
+    }
+    // The bytes of a segment may look like a request, and what they belong to would be forgotten.
+    if by_default && model.takes_segments() {
         return None;
     }
     let (mut ends, mut length) = (false, false);
