@@ -35,8 +35,11 @@ pub(crate) struct Log {
 /// Devices of mutants that use freedoms of the blueprint, by the places of both.
 struct Devices<'b> {
     blueprint: &'b Blueprint,
-    built: FxHashMap<(Vec<usize>, usize), Option<Box<dyn Replica>>>,
+    built: FxHashMap<Places, Option<Box<dyn Replica>>>,
 }
+
+/// Those of what is believed, and that of the mutant.
+type Places = (Vec<usize>, usize);
 
 impl Devices<'_> {
     fn device(&mut self, used: &[usize], mutant: usize) -> Option<&dyn Replica> {

@@ -30,8 +30,9 @@ pub(super) struct Tpdo {
     pub(super) kind: u8,
     pub(super) inhibit: Duration,
     pub(super) period: Duration,
+    /// What it maps, and after that what it may have mapped before a change.
     pub(super) mapped: Vec<Mux>,
-    /// How many bits each of them takes.
+    /// How many bits each takes that it maps.
     bits: Vec<u8>,
     /// The length of its frames.
     pub(super) bytes: usize,
@@ -106,12 +107,20 @@ impl Identifiers {
         // A mapping that was changed may be the one before. Nothing keeps a user from giving a TPDO
         // the identifier of another service: what its application decides is judged as a TPDO.
         let fits = |tpdo: &&Tpdo| tpdo.id == id && tpdo.bytes == frame.data.len();
-        let tpdo = tpdos.clone().find(fits).or_else(|| tpdos.find(|tpdo| tpdo.id == id));
-        let tpdo = tpdo.filter(|tpdo| other.is_none() || fits(tpdo));
+        let mut fitting = tpdos.clone().filter(fits);
+        let tpdo = fitting.next().cloned().map(|mut tpdo| {
+            // It may be any of them.
+            tpdo.mapped.extend(fitting.flat_map(|other| &other.mapped));
+            tpdo
+        });
+        let tpdo = tpdo.or_else(|| {
+            let others = tpdos.find(|tpdo| tpdo.id == id).filter(|_| other.is_none());
+            others.cloned()
+        });
         let former = self.former_others.iter().rev();
         let mut former = former.filter(|(until, known, _)| *known == id && recent(*until));
         match (tpdo, other.or_else(|| former.next().map(|(.., other)| *other))) {
-            (Some(tpdo), _) => Class::Tpdo(tpdo.clone()),
+            (Some(tpdo), _) => Class::Tpdo(tpdo),
             (None, Some(Other::Server)) => Class::Sdo,
             (None, Some(Other::Emergency)) => Class::Emergency,
             (None, None) => Class::Other,
