@@ -1,7 +1,7 @@
 //! One data sheet per quirk, in `eds/`: what is said about it, and how it is understood.
 //!
 //! A sheet is called like the rule it breaks, without the `eds-`. It differs from `clean.eds` or
-//! `clean-pdo.eds` in its quirk alone.
+//! `clean-pdo.eds` in its quirk alone. What only XML can say is in an XDD.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -22,7 +22,8 @@ fn what_is_said_and_understood() {
             false => "clean",
         };
         let reading = read(source);
-        let _ = writeln!(all, "{name}.eds");
+        let form = if decode(source).starts_with('<') { "xdd" } else { "eds" };
+        let _ = writeln!(all, "{name}.{form}");
         for diagnostic in &reading.diagnostics {
             all += &shown(diagnostic, &decode(source));
         }
@@ -68,7 +69,9 @@ fn nothing_is_wrong_with_what_is_clean() {
 fn sheets() -> BTreeMap<String, Vec<u8>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/eds");
     let paths = fs::read_dir(folder).unwrap().map(|file| file.unwrap().path());
-    let sheets = paths.filter(|path| path.extension().is_some_and(|extension| extension == "eds"));
+    let sheets = paths.filter(|path| {
+        path.extension().is_some_and(|form| ["eds", "xdd"].iter().any(|it| form == *it))
+    });
     let named = |path: &Path| path.file_stem().unwrap().to_str().unwrap().to_owned();
     sheets.map(|path| (named(&path), fs::read(&path).unwrap())).collect()
 }

@@ -1,7 +1,7 @@
 //! Data sheets as XML (CiA 311): the same description and the same findings as of an EDS.
 
-use canopen::Mux;
-use canopen::eds::{Access, Eds, Places, Reading, decode, read, write, write_xdd};
+use canopen::eds::{Access, Direction, Eds, Places, Reading, decode, read, write, write_xdd};
+use canopen::{DataType, Mux};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;
@@ -65,14 +65,53 @@ fn what_a_parameter_says_is_taken_from_there() {
     assert_eq!(keys.count(), 0, "{diagnostics:#?}");
     let entry = eds.entry(Mux::new(0x2000, 0)).expect("it is described");
     assert_eq!((entry.access, entry.mappable), (Access::Rww, true));
-    assert_eq!(entry.data_type, canopen::DataType::INTEGER16);
+    assert_eq!(entry.data_type, DataType::INTEGER16);
     let ends = [&entry.low, &entry.default, &entry.high];
     let ends = ends.map(|it| it.as_ref().map(|it| it.resolve(1)));
     assert_eq!(ends, [-5, 7, 900].map(|it| Some(canopen::Value::Int(it))));
     let derived = eds.entry(Mux::new(0x2001, 0)).expect("it is described");
-    assert_eq!((derived.access, derived.data_type), (Access::Ro, canopen::DataType::UNSIGNED8));
+    assert_eq!((derived.access, derived.data_type), (Access::Ro, DataType::UNSIGNED8));
     let element = eds.entry(Mux::new(0x2002, 1)).expect("it is described");
-    assert_eq!((element.access, element.data_type), (Access::Rwr, canopen::DataType::UNSIGNED8));
+    assert_eq!((element.access, element.data_type), (Access::Rwr, DataType::UNSIGNED8));
+}
+
+#[test]
+fn habits_of_editors_are_understood() {
+    let reading = read(HABITS.as_bytes());
+    let eds = &reading.eds;
+    assert_eq!((eds.file.version, eds.file.revision), (0, 0));
+    assert_eq!(eds.file.creation_date, "11-27-2026");
+    assert_eq!((eds.device.granularity, eds.device.group_messaging), (8, true));
+    let types = [(0x2000, DataType::DOMAIN), (0x2001, DataType::OCTET_STRING)];
+    for (index, data_type) in types.into_iter().chain([(0x2006, DataType::OCTET_STRING)]) {
+        let entry = eds.entry(Mux::new(index, 0)).expect("it is described");
+        assert_eq!(entry.data_type, data_type, "{}", entry.name);
+    }
+    assert_eq!(eds.entry(Mux::new(0x2002, 0)), None, "it is disabled");
+    assert!(eds.entry(Mux::new(0x2003, 0)).is_some());
+    let fast = eds.entry(Mux::new(0x2004, 0)).expect("it is described");
+    assert_eq!((fast.access, fast.mappable), (Access::None, true));
+    assert!(!fast.access.readable() && !fast.access.writable());
+    assert!(fast.maps_into(Direction::Receive));
+    let speed = eds.entry(Mux::new(0x2005, 0)).expect("it is described");
+    assert_eq!((&speed.low, &speed.high), (&None, &None), "two ranges are no limits");
+}
+
+#[test]
+fn habits_of_editors_are_told() {
+    let found = texts(&read(HABITS.as_bytes()));
+    let codes = ["[eds-no-access]", "[eds-disabled]", "[eds-syntax]"];
+    let of_habits = |text: &&String| codes.iter().any(|code| text.ends_with(code));
+    let found: Vec<_> = found.iter().filter(of_habits).collect();
+    assert_eq!(
+        found,
+        [
+            "11:44: warning: no SDO reaches the value (noAccess), PDOs alone do [eds-no-access]",
+            "23:7: note: the object is marked as disabled (CO_disabled); it is left out \
+             [eds-disabled]",
+            "31:3: error: the XML describes 2 devices; the first of them is read [eds-syntax]",
+        ]
+    );
 }
 
 #[test]
@@ -107,7 +146,7 @@ proptest! {
     /// Whatever becomes of the text, what is read of it can be written and read again.
     #[test]
     fn a_text_that_somebody_spoilt(cuts in vec((any::<Index>(), 0usize..40, ".{0,12}"), 1..6)) {
-        let mut text = [FAULTY, BY_PARAMETER][cuts.len() % 2].to_owned();
+        let mut text = [FAULTY, BY_PARAMETER, HABITS][cuts.len() % 3].to_owned();
         for (from, length, put) in &cuts {
             let from = from.index(text.len());
             let from = (from..).find(|at| text.is_char_boundary(*at)).unwrap_or_default();
@@ -128,5 +167,7 @@ fn texts(reading: &Reading) -> Vec<String> {
 }
 
 const FAULTY: &str = include_str!("xdd/faulty.xdc");
+
+const HABITS: &str = include_str!("xdd/habits.xdd");
 
 const BY_PARAMETER: &str = include_str!("xdd/by-parameter.xdd");

@@ -128,6 +128,10 @@ codes! {
     ACCESS = Error, "eds-access",
         "AccessType is one of ro, wo, rw, rwr, rww, const; ro is assumed.";
     ACCESS_SPELLING = Warning, "eds-access-spelling", "AccessType is in small letters.";
+    NO_ACCESS = Warning, "eds-no-access",
+        "SDOs reach a value; `noAccess`, which CiA 311 alone has, leaves PDOs or nothing.";
+    DISABLED = Note, "eds-disabled",
+        "An object of an XDD is in the device; one that the editor marks as disabled is left out.";
     SUB_NUMBER = Error, "eds-subnumber", "SubNumber counts the subs.";
     SUB0_MISSING = Error, "eds-sub0-missing", "Arrays and records have a sub 0.";
     SUB0_TYPE = Error, "eds-sub0-type", "Sub 0 of arrays and records is UNSIGNED8.";

@@ -180,7 +180,7 @@ impl fmt::Debug for ObjectKind {
     }
 }
 
-/// Access type (CiA 306, AccessType).
+/// Access type (CiA 306, AccessType; CiA 311 has one more).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Access {
     /// Read only.
@@ -195,10 +195,12 @@ pub enum Access {
     Rww,
     /// Read only and never changing.
     Const,
+    /// Neither read nor written by an SDO, thus process data at most (`noAccess` of CiA 311).
+    None,
 }
 
 impl Access {
-    /// Every access type.
+    /// Every access type of CiA 306.
     pub const ALL: [Self; 6] = [Self::Ro, Self::Wo, Self::Rw, Self::Rwr, Self::Rww, Self::Const];
 
     /// The name in a data sheet.
@@ -210,22 +212,23 @@ impl Access {
             Self::Rwr => "rwr",
             Self::Rww => "rww",
             Self::Const => "const",
+            Self::None => "noAccess",
         }
     }
 
-    /// The access type of that name, in small letters.
+    /// The access type of CiA 306 with that name, in small letters.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|access| access.name() == name)
     }
 
     /// Whether an SDO upload is allowed.
     pub const fn readable(self) -> bool {
-        !matches!(self, Self::Wo)
+        !matches!(self, Self::Wo | Self::None)
     }
 
     /// Whether an SDO download is allowed.
     pub const fn writable(self) -> bool {
-        !matches!(self, Self::Ro | Self::Const)
+        !matches!(self, Self::Ro | Self::Const | Self::None)
     }
 }
 
@@ -240,14 +243,14 @@ pub enum Direction {
 
 impl Entry {
     /// Whether the entry may be mapped into a PDO of that direction: it must be mappable, and the
-    /// access type must allow to write it (RPDO) or to read it (TPDO).
+    /// access type must allow to write it (RPDO) or to read it (TPDO), or be for PDOs alone.
     pub const fn maps_into(&self, direction: Direction) -> bool {
         self.mappable
             && match direction {
-                Direction::Receive => matches!(self.access, Access::Wo | Access::Rw | Access::Rww),
-                Direction::Transmit => {
-                    matches!(self.access, Access::Ro | Access::Rw | Access::Rwr | Access::Const)
+                Direction::Receive => {
+                    matches!(self.access, Access::Wo | Access::Rw | Access::Rww | Access::None)
                 }
+                Direction::Transmit => !matches!(self.access, Access::Wo | Access::Rww),
             }
     }
 

@@ -95,7 +95,8 @@ impl Line {
 
 /// Writes down what the elements say.
 struct Scribe<'d, 'i, 'f> {
-    document: &'d Document<'i>,
+    /// All there is about the device.
+    root: Node<'d, 'i>,
     lines: Lines<'d>,
     objects: Vec<Node<'d, 'i>>,
     /// What `uniqueIDRef` refers to: parameters and their data types.
@@ -106,19 +107,29 @@ struct Scribe<'d, 'i, 'f> {
 
 impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
     fn new(document: &'d Document<'i>, findings: &'f mut Findings) -> Self {
-        let elements = document.descendants().filter(Node::is_element);
+        let mut containers = document.descendants().filter(|it| is(it, "ISO15745ProfileContainer"));
+        let root = containers.next().unwrap_or(document.root());
+        let elements = root.descendants().filter(Node::is_element);
         let referred = elements.clone().filter_map(|it| Some((it.attribute("uniqueID")?, it)));
-        Self {
-            document,
+        let scribe = Self {
+            root,
             lines: Lines::of(document.input_text()),
             objects: elements.clone().filter(|it| is(it, "CANopenObject")).collect(),
             referred: referred.collect(),
             sections: Vec::new(),
             findings,
+        };
+        // Editors save a network as one file.
+        if let Some(second) = containers.next() {
+            let devices = 2 + containers.count();
+            let message = format!("the XML describes {devices} devices; the first of them is read");
+            scribe.findings.add(&codes::SYNTAX, scribe.place(second), message);
         }
+        scribe
     }
 
     fn everything(&mut self) {
+        self.leave_out_disabled();
         self.file_info();
         self.device_info();
         self.dummy_usage();
@@ -129,9 +140,29 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
         self.commissioning();
     }
 
+    /// The object dictionary of an editor's project has objects that the device is built without.
+    fn leave_out_disabled(&mut self) {
+        let (disabled, objects) = self.objects.iter().partition(|it| self.is_disabled(**it));
+        self.objects = objects;
+        let disabled: Vec<Node<'d, 'i>> = disabled;
+        for object in disabled {
+            let message = "the object is marked as disabled (CO_disabled); it is left out";
+            self.findings.habit(&codes::DISABLED, self.place(object), message);
+        }
+    }
+
+    fn is_disabled(&self, object: Node<'d, 'i>) -> bool {
+        let parameter = object.attribute("uniqueIDRef").and_then(|id| self.referred.get(id));
+        let properties = parameter.iter().flat_map(|it| it.children());
+        let mut values = properties
+            .filter(|it| is(it, "property") && it.attribute("name") == Some("CO_disabled"))
+            .filter_map(|it| it.attribute("value"));
+        values.any(|value| truth(value.trim()) == "1")
+    }
+
     /// The first element of that name, wherever it stands: editors nest them differently.
     fn find(&self, name: &str) -> Option<Node<'d, 'i>> {
-        self.document.descendants().find(|it| is(it, name))
+        self.root.descendants().find(|it| is(it, name))
     }
 
     fn place(&self, node: Node<'_, '_>) -> Place {
@@ -164,15 +195,14 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
 
     fn file_info(&mut self) {
         let is_body = |it: &Node<'_, '_>| is(it, "ProfileBody") && it.has_attribute("fileName");
-        let Some(body) = self.document.descendants().find(is_body) else { return };
+        let Some(body) = self.root.descendants().find(is_body) else { return };
         let at = self.place(body);
         let mut keys = self.attributes(body, FILE);
         // CiA 311 writes both numbers as one version.
         if let Some(version) = body.attributes().find(|it| it.name() == "fileVersion") {
-            let value = version.value().trim().trim_start_matches(['V', 'v']);
-            let (number, revision) = value.split_once('.').unwrap_or((value, "0"));
-            keys.push(self.line("FileVersion", version, number));
-            keys.push(self.line("FileRevision", version, revision));
+            let (number, revision) = file_version(version.value());
+            keys.push(self.line("FileVersion", version, &number.to_string()));
+            keys.push(self.line("FileRevision", version, &revision.to_string()));
         }
         // The sections that are made of the elements follow this edition.
         keys.push(Line::at("EDSVersion", "4.0", at));
@@ -238,7 +268,7 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
 
     /// `125 Kbps` as `BaudRate_125=1`.
     fn bit_rates(&self) -> Vec<Line> {
-        let rates = self.document.descendants().filter(|it| is(it, "supportedBaudRate"));
+        let rates = self.root.descendants().filter(|it| is(it, "supportedBaudRate"));
         let values = rates.filter_map(|it| it.attributes().find(|it| it.name() == "value"));
         let line = |value: Attribute<'_, '_>| {
             let digits = value.value().split_ascii_whitespace().next()?;
@@ -289,7 +319,7 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
                 })
                 .collect();
             let count = match list.attribute_node(counted) {
-                Some(count) => self.line("SupportedObjects", count, count.value()),
+                Some(count) => self.line("SupportedObjects", count, &decimal(count.value().trim())),
                 None => Line::at("SupportedObjects", &keys.len().to_string(), self.place(list)),
             };
             keys.push(count);
@@ -363,15 +393,39 @@ fn as_is(text: &str) -> String {
 
 fn truth(text: &str) -> String {
     match text {
-        "true" => "1".to_owned(),
-        "false" => "0".to_owned(),
+        _ if text.eq_ignore_ascii_case("true") => "1".to_owned(),
+        _ if text.eq_ignore_ascii_case("false") => "0".to_owned(),
         other => other.to_owned(),
     }
 }
 
-/// `2026-11-21` as `11-21-2026`; another form stays, for the reader to report.
+/// `V1.2` as 1 and 2, which are numbers in CiA 306. In CiA 311 they are any text, so that what is
+/// no number is 0.
+fn file_version(text: &str) -> (u32, u32) {
+    let mut parts = text.trim().trim_start_matches(['V', 'v']).split('.');
+    let mut number = || {
+        let part = parts.next().unwrap_or_default();
+        let is_hex = part.starts_with("0x");
+        let number = if is_hex { entry::hex(part) } else { part.parse().ok() };
+        number.unwrap_or_default()
+    };
+    (number(), number())
+}
+
+/// Digits of a decimal number, which a zero before them makes octal in CiA 306.
+fn decimal(text: &str) -> String {
+    match text.trim_start_matches('0') {
+        "" if !text.is_empty() => "0".to_owned(),
+        digits if digits.bytes().all(|it| it.is_ascii_digit()) => digits.to_owned(),
+        _ => text.to_owned(),
+    }
+}
+
+/// `2026-11-21` as `11-21-2026`, also with a time zone; another form stays, for the reader to
+/// report.
 fn date(text: &str) -> String {
-    match text.split('-').collect::<Vec<_>>().as_slice() {
+    let day = text.get(..10).filter(|_| text[10..].starts_with(['Z', '+', '-'])).unwrap_or(text);
+    match day.split('-').collect::<Vec<_>>().as_slice() {
         [year, month, day] if year.len() == 4 => format!("{month}-{day}-{year}"),
         _ => text.to_owned(),
     }
@@ -413,9 +467,9 @@ const IDENTITY: [(&str, &str); 5] = [
 ];
 
 const GENERAL: &[Told] = &[
-    ("granularity", "Granularity", as_is),
-    ("nrOfRxPDO", "NrOfRXPDO", as_is),
-    ("nrOfTxPDO", "NrOfTXPDO", as_is),
+    ("granularity", "Granularity", decimal),
+    ("nrOfRxPDO", "NrOfRXPDO", decimal),
+    ("nrOfTxPDO", "NrOfTXPDO", decimal),
     ("bootUpSlave", "SimpleBootUpSlave", truth),
     ("groupMessaging", "GroupMessaging", truth),
     ("dynamicChannels", "DynamicChannelsSupported", as_is),
@@ -449,6 +503,24 @@ mod tests {
             assert_eq!(time(text), expected, "{text}");
         }
         assert_eq!(date("2020-09-27"), "09-27-2020");
+        assert_eq!(date("2020-09-27-07:00"), "09-27-2020");
+        assert_eq!(date("2020-09-27Z"), "09-27-2020");
         assert_eq!(date("27.9.2020"), "27.9.2020");
+        assert_eq!(date("27.9.202ü"), "27.9.202ü");
+    }
+
+    #[test]
+    fn versions_are_any_text() {
+        for (text, expected) in [
+            ("1", (1, 0)),
+            ("V2.08", (2, 8)),
+            ("0x01", (1, 0)),
+            ("1.2.3", (1, 2)),
+            ("", (0, 0)),
+            ("-", (0, 0)),
+            ("2.beta", (2, 0)),
+        ] {
+            assert_eq!(file_version(text), expected, "{text}");
+        }
     }
 }

@@ -221,13 +221,23 @@ impl Reader {
         kept: &mut Kept,
     ) -> Entry {
         let data_type = self.data_type(section, mux, kind);
+        let access = self.access(section, mux, kind);
         let flag = section.key("PDOMapping");
+        let mappable = flag.is_some_and(|key| value::flag(key, &mut self.findings));
+        if access == Access::None {
+            let message = match mappable {
+                true => "no SDO reaches the value (noAccess), PDOs alone do",
+                false => "neither SDOs nor PDOs reach the value (noAccess)",
+            };
+            let at = self.key_place(section, "AccessType");
+            self.findings.habit(&codes::NO_ACCESS, at, message);
+        }
         Entry {
             mux,
             name: section.key("ParameterName").map_or_else(String::new, |key| key.value.to_owned()),
             data_type,
-            access: self.access(section, mux, kind),
-            mappable: flag.is_some_and(|key| value::flag(key, &mut self.findings)),
+            access,
+            mappable,
             default: self.default(section, data_type, kept),
             low: self.limit(section, "LowLimit", data_type, kept),
             high: self.limit(section, "HighLimit", data_type, kept),
@@ -303,6 +313,9 @@ impl Reader {
             };
         };
         let text = value::typed(key, &mut self.findings);
+        if text == Access::None.name() {
+            return Access::None;
+        }
         if let Some(access) = Access::named(text) {
             return access;
         }

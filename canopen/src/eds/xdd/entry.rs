@@ -3,7 +3,8 @@
 
 use roxmltree::Node;
 
-use super::{Line, Scribe, Told, as_is, is};
+use super::{Line, Scribe, Told, as_is, decimal, is};
+use crate::value::DataType;
 
 impl<'d, 'i> Scribe<'d, 'i, '_> {
     pub(super) fn entry(&self, node: Node<'d, 'i>) -> Vec<Line> {
@@ -12,11 +13,14 @@ impl<'d, 'i> Scribe<'d, 'i, '_> {
         // The parameter of an array or a record describes the whole of it, which is no value.
         let is_value = !node.children().any(|it| is(&it, "CANopenSubObject"));
         if let Some(parameter) = parameter.filter(|_| is_value) {
-            for line in self.parameter(*parameter) {
-                if !keys.iter().any(|it| it.name == line.name) {
-                    keys.push(line);
-                }
+            let told = self.parameter(*parameter);
+            let is_new = |line: &Line| !keys.iter().any(|it| it.name == line.name);
+            let mut new: Vec<Line> = told.into_iter().filter(is_new).collect();
+            let has_default = keys.iter().chain(&new).any(|it| it.name == "DefaultValue");
+            if !has_default {
+                bits_are_domain(&mut new);
             }
+            keys.extend(new);
         }
         self.mapping(node, &mut keys);
         keys
@@ -47,6 +51,8 @@ impl<'d, 'i> Scribe<'d, 'i, '_> {
         if node.attribute("access").is_none() {
             keys.push(Line::at("AccessType", "ro", self.place(node)));
         }
+        // Limits are one range: what is allowed in several ranges has none.
+        let several = node.descendants().filter(|it| is(it, "range")).count() > 1;
         let below = |name| node.descendants().find(|it| is(it, name));
         for (element, key) in [
             ("defaultValue", "DefaultValue"),
@@ -55,7 +61,8 @@ impl<'d, 'i> Scribe<'d, 'i, '_> {
             ("maxValue", "HighLimit"),
         ] {
             let value = below(element).and_then(|it| it.attribute_node("value"));
-            keys.extend(value.map(|it| self.line(key, it, it.value())));
+            let is_told = !(several && key.ends_with("Limit"));
+            keys.extend(value.filter(|_| is_told).map(|it| self.line(key, it, it.value())));
         }
         if let Some((at, data_type)) = self.data_type(node) {
             keys.push(Line::at("DataType", &format!("0x{data_type:04X}"), self.place(at)));
@@ -79,6 +86,16 @@ impl<'d, 'i> Scribe<'d, 'i, '_> {
     }
 }
 
+/// IEC 61131-3 has no DOMAIN. Editors write `BITSTRING` for it, and for an octet string the same
+/// with its bytes as the default value.
+fn bits_are_domain(keys: &mut [Line]) {
+    let of_type = |data_type: DataType| format!("0x{:04X}", data_type.0);
+    let bits = of_type(DataType::OCTET_STRING);
+    if let Some(line) = keys.iter_mut().find(|it| it.name == "DataType" && it.value == bits) {
+        line.value = of_type(DataType::DOMAIN);
+    }
+}
+
 /// Hexadecimal digits, with or without `0x` before them.
 pub(super) fn hex(text: &str) -> Option<u32> {
     let text = text.trim();
@@ -95,7 +112,7 @@ fn of_digits(text: &str) -> String {
 /// `PDOmapping` is told by [`Scribe::mapping`].
 const ATTRIBUTES: &[Told] = &[
     ("name", "ParameterName", as_is),
-    ("objectType", "ObjectType", as_is),
+    ("objectType", "ObjectType", decimal),
     ("dataType", "DataType", of_digits),
     ("lowLimit", "LowLimit", as_is),
     ("highLimit", "HighLimit", as_is),
@@ -103,7 +120,7 @@ const ATTRIBUTES: &[Told] = &[
     ("defaultValue", "DefaultValue", as_is),
     ("actualValue", "ParameterValue", as_is),
     ("denotation", "Denotation", as_is),
-    ("subNumber", "SubNumber", as_is),
+    ("subNumber", "SubNumber", decimal),
     ("objFlags", "ObjFlags", of_digits),
 ];
 
