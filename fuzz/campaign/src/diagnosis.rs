@@ -65,7 +65,10 @@ pub(crate) fn suspects<'s>(
             for mutant in dissenting(blueprint, used, seen, &all) {
                 let device = devices.device(used, mutant);
                 if let Some(owed) = device.and_then(|device| owed(blueprint, device, seen)) {
-                    owing.entry(mutant).and_modify(|least| *least = owed.min(*least)).or_insert(owed);
+                    owing
+                        .entry(mutant)
+                        .and_modify(|least| *least = owed.min(*least))
+                        .or_insert(owed);
                 }
             }
         }

@@ -412,8 +412,11 @@ impl<'b> Oracle<'b> {
             if let Some(mux) = request.writes() {
                 self.texts.remove(&mux);
             }
-            let [_, last] = std::mem::take(&mut self.requests);
-            self.requests = [last, Some(request)];
+            let [first, last] = std::mem::take(&mut self.requests);
+            // However many segments look like requests, the one that they belong to is kept.
+            let of_one_block = |last: &Request| last.like_segment && request.like_segment;
+            let kept = if last.as_ref().is_some_and(of_one_block) { first } else { last };
+            self.requests = [kept, Some(request)];
             self.refused = false;
         }
         self.last = Some(*frame);

@@ -44,15 +44,18 @@ struct Queue {
     last: Option<Instant>,
     /// When the model did.
     said: Option<Instant>,
-    /// The last frame that need not have come: it may have been the next one that must.
-    spare: Option<(Instant, Frame)>,
+    /// The last frames that need not have come: each may have been one that must.
+    spare: Vec<(Instant, Frame)>,
 }
+
+/// How many frames that need not have come are remembered.
+const MOST_SPARE: usize = 8;
 
 impl Queues {
     fn queue(&mut self, id: Id) -> &mut Queue {
         let place = self.of_ids.iter().position(|queue| queue.id == id).unwrap_or_else(|| {
             let expected = VecDeque::new();
-            self.of_ids.push(Queue { id, expected, last: None, said: None, spare: None });
+            self.of_ids.push(Queue { id, expected, last: None, said: None, spare: Vec::new() });
             self.of_ids.len() - 1
         });
         &mut self.of_ids[place]
@@ -106,9 +109,9 @@ impl Queues {
     ) -> Result<Frame, Option<Frame>> {
         let queue = self.queue(frame.id);
         // What has come and was taken for a frame that need not is not waited for.
-        let spare = queue.spare;
+        let spare = queue.spare.clone();
         let came =
-            |it: &Expected| spare.is_some_and(|(then, frame)| frame == it.frame && then >= it.at);
+            |it: &Expected| spare.iter().any(|(then, frame)| *frame == it.frame && *then >= it.at);
         let waits = |it: &Expected| it.must == Must::Come && !came(it);
         let first = queue.expected.iter().position(waits);
         let within = first.map_or(queue.expected.len(), |place| place + 1);
@@ -124,7 +127,10 @@ impl Queues {
         let found = queue.expected[place];
         queue.expected.drain(..=place);
         if found.must == Must::Not {
-            queue.spare = Some((now, *frame));
+            if queue.spare.len() == MOST_SPARE {
+                queue.spare.remove(0);
+            }
+            queue.spare.push((now, *frame));
         }
         Ok(found.frame)
     }
@@ -162,10 +168,12 @@ impl Queues {
             {
                 let Expected { at, frame, must, .. } = *first;
                 let came = match must {
-                    Must::Come => queue
-                        .spare
-                        .take_if(|(then, other)| *then >= at && *other == frame)
-                        .is_some(),
+                    Must::Come => {
+                        let is_it =
+                            |(then, other): &(Instant, Frame)| *then >= at && *other == frame;
+                        let place = queue.spare.iter().position(is_it);
+                        place.map(|place| queue.spare.remove(place)).is_some()
+                    }
                     Must::Within(time) => queue.last.is_some_and(|last| last + time + late >= at),
                     Must::Not => true,
                 };

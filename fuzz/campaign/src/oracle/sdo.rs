@@ -22,6 +22,8 @@ pub(super) struct Request {
     may: MayRefuse,
     /// Whether a transfer was open when it came.
     over: bool,
+    /// Whether it may be a segment of a block download.
+    pub(super) like_segment: bool,
     /// Where a service takes the value: what was before.
     pub(super) before_it: Option<Box<Before>>,
 }
@@ -113,10 +115,7 @@ pub(super) fn request(frame: &Frame, blueprint: &Blueprint, model: &Model) -> Op
     if !by_default && !further.any(|cob| cob.valid() && cob.can_id() == id) {
         return None;
     }
-    // The bytes of a segment may look like a request, and what they belong to would be forgotten.
-    if by_default && model.takes_segments() {
-        return None;
-    }
+    let like_segment = by_default && model.takes_segments();
     let (mut ends, mut length) = (false, false);
     let (mux, uploads) = match sdo::Request::decode(&frame.data).ok()? {
         sdo::Request::Download(mux, how) => {
@@ -141,7 +140,7 @@ pub(super) fn request(frame: &Frame, blueprint: &Blueprint, model: &Model) -> Op
     };
     let before = (may != MayRefuse::Nothing).then(|| od.get(mux).map(<[u8]>::to_vec));
     let (before, over) = (before.flatten(), model.transfers());
-    Some(Request { mux, id, uploads, before, may, over, before_it: None })
+    Some(Request { mux, id, uploads, before, may, over, like_segment, before_it: None })
 }
 
 /// Whether an object holds a time, whose range the data sheet may leave out.
