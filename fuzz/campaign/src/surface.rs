@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use canopen::bench::{Needs, POWER};
-use canopen::eds::{Access, Direction, Entry};
+use canopen::eds::{Access, Direction, Entry, Term};
 use canopen::sdo::{Initiate, Request};
 use canopen::{Instant, Mux, Outbox, Value};
 use reference_devices::change::Replica;
@@ -28,6 +28,8 @@ pub struct Surface {
     pub(crate) settings: Vec<Setting>,
     /// The settings of each function: what stands together in the dictionary.
     pub(crate) functions: Vec<Vec<usize>>,
+    /// The settings of the application that have a few codes.
+    pub(crate) selectors: Vec<usize>,
     /// What the bench can set.
     pub(crate) stimuli: Vec<Source>,
     /// What must be set for a stimulus to reach the device.
@@ -102,6 +104,7 @@ impl Surface {
         let mut surface = Self {
             settings: Vec::new(),
             functions: Vec::new(),
+            selectors: Vec::new(),
             stimuli: Vec::new(),
             needs: built.bench_needs(),
             shown: Vec::new(),
@@ -145,6 +148,9 @@ impl Surface {
                     surface.functions.len() - 1
                 });
                 surface.functions[function].push(surface.settings.len());
+                if has_few_codes(entry, node) {
+                    surface.selectors.push(surface.settings.len());
+                }
                 let name = &surface.names[&entry.mux];
                 surface.kin.insert(parted(name), surface.settings.len());
                 let note = description.notes.get(&entry.mux);
@@ -331,6 +337,16 @@ fn is_setting(entry: &Entry) -> bool {
     let is_number = entry.data_type.size().is_some_and(|size| size <= 4);
     of_application && !is_reserved && is_number && entry.access.writable()
 }
+
+/// Whether it selects one of a few things.
+fn has_few_codes(entry: &Entry, node: u8) -> bool {
+    let end = |end: &Option<Term>| end.as_ref()?.resolve(node).as_int();
+    let few = end(&entry.high).zip(end(&entry.low)).is_some_and(|(high, low)| high - low <= CODES);
+    few && entry.mux.index >= FIRST_OF_APPLICATION
+}
+
+/// How many codes are a few, less one.
+const CODES: i128 = 15;
 
 /// A unit as data have it: `0.1 s`.
 fn unit(unit: Option<&str>) -> (Unit, f64) {

@@ -16,6 +16,7 @@ use canopen::{Data, Frame, Mux};
 use super::coverage::{Coverage, Pair, Tried};
 use crate::action::{Action, Kind, Then};
 use crate::surface::{FIRST_OF_APPLICATION, Pdo, Surface};
+use values::{KNOWN, STATES};
 
 /// What a session does, and what it tries together.
 pub(super) struct Story {
@@ -47,6 +48,7 @@ pub(super) fn story(
         state: State::PreOperational,
         longest,
         left: longest,
+        stayed: false,
         story: Story { actions: Vec::new(), tried: Tried::default() },
     };
     draw.all();
@@ -72,6 +74,8 @@ struct Draw<'d> {
     longest: Duration,
     /// How long it may still wait.
     left: Duration,
+    /// It has waited for a time that is longer than that.
+    stayed: bool,
     story: Story,
 }
 
@@ -101,6 +105,10 @@ const ENDS: usize = 60;
 const MOST_PARTS: usize = 4;
 /// How many settings around one of them it writes.
 const MOST_AROUND: usize = 3;
+/// From how many settings on a function is one of several parts, and how near sub-indices of a
+/// part are.
+const LARGE: usize = 24;
+const NEAR: u8 = 9;
 /// How many objects a session asks for that may not exist.
 const STRANGERS: usize = 40;
 
@@ -206,8 +214,14 @@ impl Draw<'_> {
             for action in &known[..kept] {
                 self.reach(action);
             }
-            if self.chance(1, 2) {
-                self.surround(&known[..kept], further);
+            match self.below(4) {
+                0 => self.surround(&known[..kept], further),
+                1 => self.select(place, &known[..kept], further),
+                2 => {
+                    self.surround(&known[..kept], further);
+                    self.select(place, &known[..kept], further);
+                }
+                _ => {}
             }
             for action in &known[..kept] {
                 self.repeat(action, further, changes);
@@ -239,14 +253,50 @@ impl Draw<'_> {
         }
     }
 
-    /// Writes what belongs to the settings of a known session and it leaves alone: what it shows
-    /// may be another thing in another mode, and it was made for one of them.
-    fn surround(&mut self, known: &[Action], further: i32) {
+    /// The settings that a known session writes.
+    fn own(&self, known: &[Action], further: i32) -> Vec<usize> {
         let own = |action: &Action| {
             let setting = self.surface.setting(self.written_by(action)?)?;
             Some(self.surface.kin(setting, further).unwrap_or(setting))
         };
-        let own: Vec<usize> = known.iter().filter_map(own).collect();
+        known.iter().filter_map(own).collect()
+    }
+
+    /// Writes a setting with a few codes which a known session leaves alone: the mode of something
+    /// else, in which what the session shows has to be the same, or another thing. Those codes come
+    /// first that were tried seldom with the session.
+    fn select(&mut self, session: usize, known: &[Action], further: i32) {
+        let own = self.own(known, further);
+        let Some(first) = own.first() else { return };
+        let index = self.surface.settings[*first].entry.mux.index;
+        let with = KNOWN | session as u16 & !(KNOWN | STATES);
+        let mut drawn: Vec<(u32, usize, i64, u8)> = Vec::new();
+        for _ in 0..CANDIDATES {
+            let all = &self.surface.selectors;
+            let like = |place: &&usize| self.surface.settings[**place].entry.mux.index == index;
+            let near: Vec<usize> = all.iter().filter(like).copied().collect();
+            let all = if near.is_empty() || self.chance(1, 4) { all } else { &near };
+            if all.is_empty() {
+                return;
+            }
+            let setting = all[self.below(all.len())];
+            let (value, sort) = self.value(setting);
+            let is_new = !own.contains(&setting) && self.default_of(setting) != Some(value);
+            if is_new {
+                let count = self.tried(setting, sort, with);
+                drawn.push((count, setting, value, sort));
+            }
+        }
+        if let Some((_, setting, value, sort)) = drawn.into_iter().min_by_key(|drawn| drawn.0) {
+            self.story.tried.pairs.push(Pair { setting: setting as u16, sort, with });
+            self.put_as(setting, value, sort);
+        }
+    }
+
+    /// Writes what belongs to the settings of a known session and it leaves alone: what it shows
+    /// may be another thing in another mode, and it was made for one of them.
+    fn surround(&mut self, known: &[Action], further: i32) {
+        let own = self.own(known, further);
         if own.is_empty() {
             return;
         }
@@ -379,8 +429,13 @@ impl Draw<'_> {
     fn companion(&mut self, of: usize) -> usize {
         let settings = &self.surface.settings;
         let Mux { index, sub } = settings[of].entry.mux;
+        let function = &self.surface.functions[settings[of].function];
         let all: Vec<usize> = match self.below(10) {
-            0..=4 => self.surface.functions[settings[of].function].clone(),
+            0..=2 if function.len() > LARGE => {
+                let beside = |place: &&usize| settings[**place].entry.mux.sub.abs_diff(sub) < NEAR;
+                function.iter().filter(beside).copied().collect()
+            }
+            0..=4 => function.clone(),
             5 | 6 => {
                 let same = |place: &usize| settings[*place].entry.mux.sub == sub;
                 (0..settings.len()).filter(same).collect()

@@ -14,7 +14,7 @@ use super::values::{POSITIVE, STATES, USUAL_VALUE};
 use super::{Draw, Pair, State};
 use crate::action::{Action, Kind, Stimulus, Then};
 use crate::oracle::error_control;
-use crate::surface::Pdo;
+use crate::surface::{FIRST_OF_APPLICATION, Pdo};
 
 /// The bit in which the identifier of a PDO changes when it moves.
 const MOVED: u32 = 0x20;
@@ -28,6 +28,15 @@ impl Draw<'_> {
     pub(super) fn write_again(&mut self) {
         let place = self.below(self.focus.len());
         let setting = self.focus[place];
+        let entry = &self.surface.settings[setting].entry;
+        let is_number = entry.data_type.is_integer() && !self.surface.selectors.contains(&setting);
+        if is_number
+            && entry.mux.index >= FIRST_OF_APPLICATION
+            && self.chance(1, 4)
+            && let Some(value) = self.nudged(setting)
+        {
+            return self.put_noted(setting, value);
+        }
         match self.default_of(setting) {
             Some(default) if self.chance(1, 4) => self.put(setting, default),
             _ => self.write(setting),
@@ -52,6 +61,11 @@ impl Draw<'_> {
     pub(super) fn put_noted(&mut self, setting: usize, value: i64) {
         let default = self.default_of(setting);
         let sort = if default == Some(value) { USUAL_VALUE } else { POSITIVE };
+        self.put_as(setting, value, sort);
+    }
+
+    /// Writes a value of that sort.
+    pub(super) fn put_as(&mut self, setting: usize, value: i64, sort: u8) {
         self.note(setting, sort);
         self.put(setting, value);
     }
@@ -107,7 +121,13 @@ impl Draw<'_> {
     }
 
     pub(super) fn wait(&mut self) {
-        let time = self.time().min(self.left);
+        let (time, is_known) = self.time();
+        // A session may once stay for as long as a setting says.
+        if is_known && time > self.left && !self.stayed {
+            self.stayed = true;
+            self.left = time.min(self.longest);
+        }
+        let time = time.min(self.left);
         self.left = self.left.saturating_sub(time);
         if time > Duration::from_secs(60) {
             self.state = State::Worked;

@@ -21,6 +21,8 @@ pub(super) const USUAL_VALUE: u8 = 7;
 const OUTSIDE: u8 = 8;
 /// What marks a state in a pair.
 pub(super) const STATES: u16 = 0x8000;
+/// What marks a known session in a pair.
+pub(super) const KNOWN: u16 = 0x4000;
 
 impl Draw<'_> {
     /// A value of a stimulus.
@@ -40,7 +42,7 @@ impl Draw<'_> {
             1 => high,
             2 if process => return "process".to_owned(),
             2 => 0.0,
-            3..=10 => self.around_a_setting(),
+            3..=10 => self.around_settings(),
             11..=15 => {
                 let magnitude = self.magnitude(low.abs().max(high.abs()));
                 if low < 0.0 && self.chance(1, 4) { -magnitude } else { magnitude }
@@ -56,6 +58,23 @@ impl Draw<'_> {
         // What rounding has moved out of the range.
         let number = number.clamp(low, high);
         if is_whole { format!("{}", number as i64) } else { format!("{number}") }
+    }
+
+    /// A number as the settings have it: what one of them is, or the sum or difference of up to
+    /// three that were written, as thresholds with a hysteresis around a set point are.
+    fn around_settings(&mut self) -> f64 {
+        let first = self.around_a_setting();
+        if self.written.len() < 2 || self.chance(2, 3) {
+            return first;
+        }
+        let mut sum = first;
+        for _ in 0..1 + self.below(2) {
+            let place = self.below(self.written.len());
+            let Some((place, value)) = self.written.iter().nth(place) else { break };
+            let part = *value as f64 * self.surface.settings[*place].scale;
+            sum += if self.chance(1, 2) { part } else { -part };
+        }
+        sum
     }
 
     /// A number as one of the settings has it, in some unit, or one beside it.
@@ -96,14 +115,17 @@ impl Draw<'_> {
         if self.longest == LONGEST_ON_BUS { CYCLE * 3 / 2 } else { Duration::ZERO }
     }
 
-    pub(super) fn time(&mut self) -> Duration {
+    /// A time to wait, and whether one of the settings is about it.
+    pub(super) fn time(&mut self) -> (Duration, bool) {
         let share = f64::from(self.bytes.arbitrary::<u16>().unwrap_or(0)) / 65535.0;
         let between = |low: f64, high: f64| low * (high / low).powf(share);
+        let mut is_known = false;
         let seconds = match self.below(20) {
             0..=4 => between(0.001, 0.1),
             5..=9 => between(0.1, 5.0),
             10..=15 => match self.known_time() {
                 Some(seconds) => {
+                    is_known = true;
                     let factors = [0.5, 0.97, 1.0, 1.03, 1.2, 2.1];
                     seconds * factors[self.below(factors.len())]
                 }
@@ -113,17 +135,29 @@ impl Draw<'_> {
             18 => between(60.0, 900.0),
             _ => between(300.0, 7200.0),
         };
-        Duration::from_micros((seconds * 1e6) as u64).max(Duration::from_micros(100))
+        let time = Duration::from_micros((seconds * 1e6) as u64);
+        (time.max(Duration::from_micros(100)), is_known)
     }
 
-    /// The time that one of the settings is.
+    /// The time that one of the settings is: one that was written, or one beside those, which has
+    /// its default.
     fn known_time(&mut self) -> Option<f64> {
-        let times = self.written.iter().filter_map(|(place, value)| {
-            let setting = &self.surface.settings[*place];
-            let is_time = setting.unit == Unit::Seconds && *value != 0;
+        let settings = &self.surface.settings;
+        let time = |place: usize, value: i64| {
+            let setting = &settings[place];
+            let is_time = setting.unit == Unit::Seconds && value != 0;
             is_time.then(|| value.unsigned_abs() as f64 * setting.scale)
-        });
-        let times: Vec<f64> = times.collect();
+        };
+        let written = self.written.iter();
+        let mut times: Vec<f64> =
+            written.filter_map(|(place, value)| time(*place, *value)).collect();
+        if times.is_empty() || self.chance(1, 4) {
+            let settings = &self.surface.settings;
+            let beside = |place: usize| place.saturating_sub(BESIDE)..=place + BESIDE;
+            let beside = self.written.keys().flat_map(|place| beside(*place));
+            let beside = beside.filter(|place| *place < settings.len());
+            times.extend(beside.filter_map(|place| time(place, self.default_of(place)?)));
+        }
         (!times.is_empty()).then(|| times[self.below(times.len())])
     }
 
@@ -189,6 +223,13 @@ impl Draw<'_> {
         (if negative { -magnitude } else { magnitude }).clamp(low, high)
     }
 
+    /// A value a little beside the present one; `None` where it is not known.
+    pub(super) fn nudged(&mut self, place: usize) -> Option<i64> {
+        let present = *self.written.get(&place)?;
+        let steps = [1, -1, 2, -2, 5, -5, 10, -10, 50, -50];
+        Some(present.saturating_add(steps[self.below(steps.len())]))
+    }
+
     /// The value of another setting, or one beside it.
     fn like_another(&mut self, low: i64, high: i64) -> i64 {
         if self.written.is_empty() {
@@ -248,6 +289,8 @@ impl Draw<'_> {
 
 /// How many codes are each of a sort of its own.
 const FEW: i64 = 32;
+/// How near the settings are that may belong to one.
+const BESIDE: usize = 6;
 
 fn sort(value: i64, low: i64, high: i64, default: Option<i64>) -> u8 {
     match value {
