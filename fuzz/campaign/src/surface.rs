@@ -30,6 +30,8 @@ pub struct Surface {
     pub(crate) functions: Vec<Vec<usize>>,
     /// The settings of the application that have a few codes.
     pub(crate) selectors: Vec<usize>,
+    /// The settings of the application that an RPDO can carry.
+    pub(crate) commands: Vec<usize>,
     /// What the bench can set.
     pub(crate) stimuli: Vec<Source>,
     /// What must be set for a stimulus to reach the device.
@@ -105,6 +107,7 @@ impl Surface {
             settings: Vec::new(),
             functions: Vec::new(),
             selectors: Vec::new(),
+            commands: Vec::new(),
             stimuli: Vec::new(),
             needs: built.bench_needs(),
             shown: Vec::new(),
@@ -148,6 +151,10 @@ impl Surface {
                     surface.functions.len() - 1
                 });
                 surface.functions[function].push(surface.settings.len());
+                let is_command = entry.maps_into(Direction::Receive);
+                if is_command && entry.mux.index >= FIRST_OF_APPLICATION {
+                    surface.commands.push(surface.settings.len());
+                }
                 if has_few_codes(entry, node) {
                     surface.selectors.push(surface.settings.len());
                 }

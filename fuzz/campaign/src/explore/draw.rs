@@ -126,7 +126,9 @@ impl Draw<'_> {
         for setting in self.focus.clone() {
             self.write(setting);
         }
-        if self.chance(5, 6) {
+        if self.chance(1, 6) {
+            self.begin_with_these();
+        } else if self.chance(5, 6) {
             self.switch(Service::START);
         }
         let calm = self.chance(1, 2);
@@ -223,6 +225,9 @@ impl Draw<'_> {
                 }
                 _ => {}
             }
+            if self.chance(1, 12) {
+                self.begin_with_these();
+            }
             for action in &known[..kept] {
                 self.repeat(action, further, changes);
             }
@@ -269,25 +274,24 @@ impl Draw<'_> {
         let own = self.own(known, further);
         let Some(first) = own.first() else { return };
         let index = self.surface.settings[*first].entry.mux.index;
+        let all = &self.surface.selectors;
+        let like = |place: &&usize| self.surface.settings[**place].entry.mux.index == index;
+        let near: Vec<usize> = all.iter().filter(like).copied().collect();
         let with = KNOWN | session as u16 & !(KNOWN | STATES);
-        let mut drawn: Vec<(u32, usize, i64, u8)> = Vec::new();
-        for _ in 0..CANDIDATES {
-            let all = &self.surface.selectors;
-            let like = |place: &&usize| self.surface.settings[**place].entry.mux.index == index;
-            let near: Vec<usize> = all.iter().filter(like).copied().collect();
+        for _ in 0..1 + self.below(MOST_AROUND) {
             let all = if near.is_empty() || self.chance(1, 4) { all } else { &near };
-            if all.is_empty() {
-                return;
-            }
-            let setting = all[self.below(all.len())];
-            let (value, sort) = self.value(setting);
-            let is_new = !own.contains(&setting) && self.default_of(setting) != Some(value);
-            if is_new {
-                let count = self.tried(setting, sort, with);
-                drawn.push((count, setting, value, sort));
-            }
-        }
-        if let Some((_, setting, value, sort)) = drawn.into_iter().min_by_key(|drawn| drawn.0) {
+            let drawn = (0..CANDIDATES).filter(|_| !all.is_empty()).map(|_| {
+                let setting = all[self.below(all.len())];
+                (setting, self.value(setting))
+            });
+            let drawn: Vec<(usize, (i64, u8))> = drawn.collect();
+            let is_new = |(setting, (value, _)): &(usize, (i64, u8))| {
+                !own.contains(setting) && self.default_of(*setting) != Some(*value)
+            };
+            let count =
+                |(setting, (_, sort)): &(usize, (i64, u8))| self.tried(*setting, *sort, with);
+            let next = drawn.into_iter().filter(is_new).min_by_key(count);
+            let Some((setting, (value, sort))) = next else { continue };
             self.story.tried.pairs.push(Pair { setting: setting as u16, sort, with });
             self.put_as(setting, value, sort);
         }
@@ -453,7 +457,8 @@ impl Draw<'_> {
         match self.below(if calm { 74 } else { 100 }) {
             0..=23 => self.stimulate(),
             24..=39 => self.wait(),
-            40..=51 => self.write_again(),
+            40..=48 => self.write_again(),
+            49..=51 => self.pulse(),
             52..=60 => self.look(),
             61..=66 => self.receive(),
             67 => self.map(),

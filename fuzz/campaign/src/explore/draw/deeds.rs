@@ -98,6 +98,44 @@ impl Draw<'_> {
         self.act(does, vec![request.frame(self.node)], Then::answer(answer));
     }
 
+    /// Gives a command, and mostly takes it back: the device works on as before, or goes on from
+    /// where that has brought it.
+    pub(super) fn pulse(&mut self) {
+        let all = &self.surface.commands;
+        if all.is_empty() {
+            return;
+        }
+        let setting = all[self.below(all.len())];
+        let before = self.written.get(&setting).copied().or_else(|| self.default_of(setting));
+        let before = before.unwrap_or(0);
+        let entry = &self.surface.settings[setting].entry;
+        let is_bits = entry.data_type.size() == Some(1) && entry.high.is_none();
+        let (value, sort) = match is_bits && self.chance(2, 3) {
+            true => (before ^ 1 << self.below(8), POSITIVE),
+            false => self.value(setting),
+        };
+        self.put_as(setting, value, sort);
+        if self.chance(1, 2) {
+            let time = self.brief();
+            self.act(Kind::Wait, Vec::new(), Then::after(time));
+        } else {
+            self.wait();
+        }
+        if self.chance(3, 4) {
+            self.put(setting, before);
+        }
+    }
+
+    /// Begins anew with what was set, some of which a device may look at only then.
+    pub(super) fn begin_with_these(&mut self) {
+        self.download(Kind::Store, Mux::new(0x1010, 1), Data::new(b"save"));
+        if self.chance(1, 2) {
+            self.power();
+        } else {
+            self.reset();
+        }
+    }
+
     pub(super) fn stimulate(&mut self) {
         if self.sources.is_empty() {
             return;
