@@ -28,6 +28,8 @@ pub struct Surface {
     pub(crate) settings: Vec<Setting>,
     /// The settings of each function: what stands together in the dictionary.
     pub(crate) functions: Vec<Vec<usize>>,
+    /// The settings by what they are: those of each instance of a function together.
+    pub(crate) kinds: Vec<Vec<usize>>,
     /// The settings of the application that have a few codes.
     pub(crate) selectors: Vec<usize>,
     /// The settings of the application that an RPDO can carry.
@@ -106,6 +108,7 @@ impl Surface {
         let mut surface = Self {
             settings: Vec::new(),
             functions: Vec::new(),
+            kinds: Vec::new(),
             selectors: Vec::new(),
             commands: Vec::new(),
             stimuli: Vec::new(),
@@ -166,6 +169,11 @@ impl Surface {
                 surface.settings.push(Setting { entry: entry.clone(), function, scale, unit });
             }
         }
+        let mut kinds: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+        for ((name, _), setting) in &surface.kin {
+            kinds.entry(name).or_default().push(*setting);
+        }
+        surface.kinds = kinds.into_values().collect();
         surface.take_pdos(device, node);
         surface.take_bench(built, &description.not_judged);
         surface

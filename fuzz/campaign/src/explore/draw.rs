@@ -378,8 +378,22 @@ impl Draw<'_> {
         self.story.actions.push(action);
         if changed && !self.sources.is_empty() && !self.focus.is_empty() {
             self.step(true);
+        } else if self.chance(1, 24) {
+            self.interject();
         } else if self.chance(1, 5) {
             self.look();
+        }
+    }
+
+    /// Something else happens while a known session goes on.
+    fn interject(&mut self) {
+        if self.chance(1, 3) {
+            return self.pulse();
+        }
+        let setting = self.seldom();
+        self.write(setting);
+        if self.chance(1, 2) {
+            self.wait();
         }
     }
 
@@ -417,10 +431,19 @@ impl Draw<'_> {
         }
     }
 
-    /// A setting that was tried seldom.
+    /// A setting that was tried seldom. Half of them are drawn by what they are, or those of a
+    /// function with many instances would be nearly all.
     fn seldom(&mut self) -> usize {
         let all = self.surface.settings.len();
-        let drawn: Vec<usize> = (0..CANDIDATES).map(|_| self.below(all)).collect();
+        let by_kind = self.chance(1, 2);
+        let drawn = (0..CANDIDATES).map(|_| match by_kind {
+            true => {
+                let kind = &self.surface.kinds[self.below(self.surface.kinds.len())];
+                kind[self.below(kind.len())]
+            }
+            false => self.below(all),
+        });
+        let drawn: Vec<usize> = drawn.collect();
         let count = |setting: &usize| self.coverage.of_setting(*setting as u16);
         drawn.into_iter().min_by_key(count).unwrap_or_default()
     }
