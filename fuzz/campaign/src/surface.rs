@@ -15,8 +15,8 @@ use reference_devices::devices::ReferenceDevice;
 
 use crate::action::{Action, Kind, Stimulus, Then};
 
-pub(crate) use stimuli::Values;
 use stimuli::values_of;
+pub(crate) use stimuli::{Values, turns};
 
 /// The first index that is not about communication.
 pub(crate) const FIRST_OF_APPLICATION: u16 = 0x2000;

@@ -1,6 +1,7 @@
 //! A story: a session that sets a device up, lets it work, and looks.
 
 mod deeds;
+mod turning;
 mod values;
 
 use std::collections::BTreeMap;
@@ -16,6 +17,7 @@ use canopen::{Data, Frame, Mux};
 use super::coverage::{Coverage, Pair, Tried};
 use crate::action::{Action, Kind, Then};
 use crate::surface::{FIRST_OF_APPLICATION, Pdo, Surface};
+use turning::Turning;
 use values::{KNOWN, STATES};
 
 /// What a session does, and what it tries together.
@@ -49,6 +51,7 @@ pub(super) fn story(
         longest,
         left: longest,
         stayed: false,
+        turning: Turning::default(),
         story: Story { actions: Vec::new(), tried: Tried::default() },
     };
     draw.all();
@@ -76,6 +79,7 @@ struct Draw<'d> {
     left: Duration,
     /// It has waited for a time that is longer than that.
     stayed: bool,
+    turning: Turning,
     story: Story,
 }
 
@@ -328,7 +332,7 @@ impl Draw<'_> {
         let changed = self.chance(changes, 8);
         let mut action = action.clone();
         if let Then::Wait(micros) = action.then {
-            let time = Duration::from_micros(micros).min(self.left);
+            let time = self.turning.limit(Duration::from_micros(micros).min(self.left));
             self.left = self.left.saturating_sub(time);
             action.then = Then::after(time);
         }
@@ -374,6 +378,9 @@ impl Draw<'_> {
                 2 => State::Stopped,
                 _ => State::PreOperational,
             };
+        }
+        if let Some(stimulus) = &action.bench {
+            self.turning.take(&stimulus.name, &stimulus.value);
         }
         self.story.actions.push(action);
         if changed && !self.sources.is_empty() && !self.focus.is_empty() {

@@ -13,6 +13,11 @@ pub(crate) enum Values {
     Real { low: f64, high: f64, process: bool },
 }
 
+/// Whether a stimulus makes something turn, so many times a second.
+pub(crate) fn turns(name: &str) -> bool {
+    name.starts_with("encoder-frequency-")
+}
+
 /// Those of a name; `None` when it can only be observed.
 pub(super) fn values_of(name: &str) -> Option<Values> {
     TABLE.iter().find(|(known, _)| is_called(name, known)).map(|(_, values)| values())

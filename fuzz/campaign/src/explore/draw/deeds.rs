@@ -150,6 +150,7 @@ impl Draw<'_> {
         let name = Arc::clone(&self.surface.stimuli[source].name);
         let value = self.level(source);
         let time = self.brief();
+        self.turning.take(&name, &value);
         self.story.actions.push(Action {
             does: Kind::Stimulate,
             frames: Vec::new(),
@@ -166,6 +167,7 @@ impl Draw<'_> {
             self.left = time.min(self.longest);
         }
         let time = time.min(self.left);
+        let time = self.turning.limit(time);
         self.left = self.left.saturating_sub(time);
         if time > Duration::from_secs(60) {
             self.state = State::Worked;
