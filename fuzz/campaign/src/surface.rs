@@ -1,5 +1,6 @@
 //! What can be set and seen of a device.
 
+mod channels;
 mod stimuli;
 
 use std::collections::BTreeMap;
@@ -15,6 +16,7 @@ use reference_devices::devices::ReferenceDevice;
 
 use crate::action::{Action, Kind, Stimulus, Then};
 
+use channels::Channels;
 use stimuli::values_of;
 pub(crate) use stimuli::{Values, turns};
 
@@ -52,6 +54,8 @@ pub struct Surface {
     pub(crate) lss: bool,
     /// What can be read only, with values of its length.
     pub(crate) fixed: Vec<(Mux, Vec<u8>)>,
+    /// The settings of each channel.
+    channels: Channels,
     /// Settings by their names, the numbers in them apart.
     kin: BTreeMap<(String, Vec<u32>), usize>,
     /// The names of objects, for people.
@@ -120,6 +124,7 @@ impl Surface {
             tpdos: Vec::new(),
             lss: description.eds.device.lss,
             fixed: Vec::new(),
+            channels: Channels::default(),
             kin: BTreeMap::new(),
             names: BTreeMap::new(),
             bits: BTreeMap::new(),
@@ -174,6 +179,7 @@ impl Surface {
             kinds.entry(name).or_default().push(*setting);
         }
         surface.kinds = kinds.into_values().collect();
+        surface.channels = Channels::of(&surface.settings, &surface.functions, &surface.names);
         surface.take_pdos(device, node);
         surface.take_bench(built, &description.not_judged);
         surface
@@ -237,6 +243,12 @@ impl Surface {
     /// The setting at an address.
     pub(crate) fn setting(&self, mux: Mux) -> Option<usize> {
         self.settings.binary_search_by_key(&mux, |setting| setting.entry.mux).ok()
+    }
+
+    /// The settings of the same channel; `None` when it is none of a channel.
+    pub(crate) fn channel(&self, setting: usize) -> Option<&[usize]> {
+        let Setting { entry, function, .. } = &self.settings[setting];
+        self.channels.around(setting, entry.mux, self.functions[*function].len())
     }
 
     /// The same setting of another instance, so many further: that of output 5 for that of output

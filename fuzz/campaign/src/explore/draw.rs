@@ -469,7 +469,7 @@ impl Draw<'_> {
                 let beside = |place: &&usize| settings[**place].entry.mux.sub.abs_diff(sub) < NEAR;
                 function.iter().filter(beside).copied().collect()
             }
-            0..=4 => function.clone(),
+            0..=4 => self.surface.channel(of).map_or_else(|| function.clone(), <[usize]>::to_vec),
             5 | 6 => {
                 let same = |place: &usize| settings[*place].entry.mux.sub == sub;
                 (0..settings.len()).filter(same).collect()
