@@ -108,7 +108,7 @@ struct Scribe<'d, 'i, 'f> {
 impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
     fn new(document: &'d Document<'i>, findings: &'f mut Findings) -> Self {
         let mut containers = document.descendants().filter(|it| is(it, "ISO15745ProfileContainer"));
-        let root = containers.next().unwrap_or(document.root());
+        let root = containers.next().unwrap_or_else(|| document.root());
         let elements = root.descendants().filter(Node::is_element);
         let referred = elements.clone().filter_map(|it| Some((it.attribute("uniqueID")?, it)));
         let scribe = Self {

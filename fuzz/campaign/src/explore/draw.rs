@@ -1,5 +1,6 @@
 //! A story: a session that sets a device up, lets it work, and looks.
 
+mod back;
 mod deeds;
 mod turning;
 mod values;
@@ -235,6 +236,9 @@ impl Draw<'_> {
             for action in &known[..kept] {
                 self.repeat(action, further, changes);
             }
+        }
+        if self.chance(1, 6) {
+            self.go_back();
         }
         if self.focus.is_empty() {
             let place = self.seldom();
@@ -492,7 +496,8 @@ impl Draw<'_> {
             52..=60 => self.look(),
             61..=66 => self.receive(),
             67 => self.map(),
-            68..=70 => self.act(Kind::Sync, vec![Frame::new(0x080, [])], Then::Wait(5_000)),
+            68 => self.go_back(),
+            69 | 70 => self.act(Kind::Sync, vec![Frame::new(0x080, [])], Then::Wait(5_000)),
             71..=73 => {
                 let setting = self.seldom();
                 self.write(setting);

@@ -141,7 +141,7 @@ impl Draw<'_> {
 
     /// The time that one of the settings is: one that was written, or one beside those, which has
     /// its default.
-    fn known_time(&mut self) -> Option<f64> {
+    pub(super) fn known_time(&mut self) -> Option<f64> {
         let settings = &self.surface.settings;
         let time = |place: usize, value: i64| {
             let setting = &settings[place];
