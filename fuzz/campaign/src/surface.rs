@@ -139,12 +139,9 @@ impl Surface {
                 surface.names.insert(entry.mux, name);
                 let bytes = entry.data_type.size().unwrap_or(0) as i64;
                 surface.bits.insert(entry.mux, 8 * bytes);
-                if entry.access.readable() {
-                    surface.readable.push(entry.mux);
-                    if moves(entry) {
-                        surface.moving.push(entry.mux);
-                    }
-                }
+                let readable = entry.access.readable().then_some(entry.mux);
+                surface.readable.extend(readable);
+                surface.moving.extend(readable.filter(|_| moves(entry)));
                 if !entry.access.writable()
                     && let Some(bytes) = entry.default_bytes(node).ok()
                 {
@@ -174,15 +171,20 @@ impl Surface {
                 surface.settings.push(Setting { entry: entry.clone(), function, scale, unit });
             }
         }
-        let mut kinds: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
-        for ((name, _), setting) in &surface.kin {
-            kinds.entry(name).or_default().push(*setting);
-        }
-        surface.kinds = kinds.into_values().collect();
+        surface.kinds = surface.of_one_kind();
         surface.channels = Channels::of(&surface.settings, &surface.functions, &surface.names);
         surface.take_pdos(device, node);
         surface.take_bench(built, &description.not_judged);
         surface
+    }
+
+    /// The settings by what they are, whatever they belong to.
+    fn of_one_kind(&self) -> Vec<Vec<usize>> {
+        let mut kinds: BTreeMap<&str, Vec<usize>> = BTreeMap::new();
+        for ((name, _), setting) in &self.kin {
+            kinds.entry(name).or_default().push(*setting);
+        }
+        kinds.into_values().collect()
     }
 
     /// The PDOs as they are by default.
