@@ -69,8 +69,8 @@ impl<'b> Belief<'b> {
         Some(Self { blueprint, given, used, model, evidence, doubtful, is_wrong: false })
     }
 
-    /// A device that has shown that it uses these freedoms, by their places in the blueprint; `None`
-    /// when it cannot be built. They give way to what explains more.
+    /// A device that has shown that it uses these freedoms, by their places in the blueprint;
+    /// `None` when it cannot be built. They give way to what explains more.
     pub fn learnt(blueprint: &'b Blueprint, used: Vec<usize>) -> Option<Self> {
         Some(Self { given: Vec::new(), ..Self::new(blueprint, used)? })
     }

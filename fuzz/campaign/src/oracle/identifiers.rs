@@ -168,8 +168,8 @@ impl Identifiers {
     }
 }
 
-/// How long a device may hold a frame that is ready: its stack may be called in a cycle of 30 ms, and
-/// 8 ms are what any frame may be late.
+/// How long a device may hold a frame that is ready: its stack may be called in a cycle of 30 ms,
+/// and 8 ms are what any frame may be late.
 pub(super) const HELD: Duration = Duration::from_millis(40);
 
 /// How many identifiers as they were are remembered.
