@@ -1147,3 +1147,19 @@ const HISTORY: u16 = 0x1003;
 const HIGH_RESOLUTION: u16 = 0x1013;
 /// The data sheet that a device keeps, which may tell present values.
 const STORED_SHEET: u16 = 0x1021;
+
+#[cfg(test)]
+mod tests {
+    use canopen::nmt::{Command, Service};
+
+    use super::is_reset;
+
+    #[test]
+    fn a_reset_of_another_node_is_none() {
+        for service in [Service::RESET_NODE, Service::RESET_COMMUNICATION] {
+            let resets = |node| is_reset(&Command { service, node }.frame(), 2);
+            assert_eq!([0, 2, 3].map(resets), [true, true, false]);
+        }
+        assert!(!is_reset(&Command { service: Service::START, node: 2 }.frame(), 2));
+    }
+}
