@@ -109,7 +109,7 @@ impl Queues {
     ) -> Result<Frame, Option<Frame>> {
         let queue = self.queue(frame.id);
         // What has come and was taken for a frame that need not is not waited for.
-        let spare = queue.spare.clone();
+        let spare = &queue.spare;
         let came =
             |it: &Expected| spare.iter().any(|(then, frame)| *frame == it.frame && *then >= it.at);
         let waits = |it: &Expected| it.must == Must::Come && !came(it);

@@ -1,5 +1,7 @@
 //! Whose an identifier is, by the present parameters of the model.
 
+use std::ops::RangeInclusive;
+use std::sync::Arc;
 use std::time::Duration;
 
 use canopen::pdo::{CobId, Mapping};
@@ -16,7 +18,7 @@ pub(super) enum Class {
     ErrorControl,
     Emergency,
     Lss,
-    Tpdo(Tpdo),
+    Tpdo(Arc<Tpdo>),
     /// SYNC, TIME, SDO clients, and what nobody has.
     Other,
 }
@@ -55,9 +57,9 @@ pub(super) struct Identifiers {
     others: Vec<(Id, Other)>,
     /// Those of RPDOs and of SYNC.
     received: Vec<Id>,
-    tpdos: Vec<Tpdo>,
+    tpdos: Vec<Arc<Tpdo>>,
     /// TPDOs as they were, and until when: the last ones at the end.
-    former: Vec<(Instant, Tpdo)>,
+    former: Vec<(Instant, Arc<Tpdo>)>,
     /// The others as they were.
     former_others: Vec<(Instant, Id, Other)>,
 }
@@ -106,11 +108,13 @@ impl Identifiers {
         let mut tpdos = self.tpdos.iter().chain(former.map(|(_, tpdo)| tpdo));
         // A mapping that was changed may be the one before. Nothing keeps a user from giving a TPDO
         // the identifier of another service: what its application decides is judged as a TPDO.
-        let fits = |tpdo: &&Tpdo| tpdo.id == id && tpdo.bytes == frame.data.len();
+        let fits = |tpdo: &&Arc<Tpdo>| tpdo.id == id && tpdo.bytes == frame.data.len();
         let mut fitting = tpdos.clone().filter(fits);
         let tpdo = fitting.next().cloned().map(|mut tpdo| {
             // It may be any of them.
-            tpdo.mapped.extend(fitting.flat_map(|other| &other.mapped));
+            for other in fitting {
+                Arc::make_mut(&mut tpdo).mapped.extend(&other.mapped);
+            }
             tpdo
         });
         let tpdo = tpdo.or_else(|| {
@@ -134,7 +138,9 @@ impl Identifiers {
     }
 
     fn look(&mut self, od: &Dictionary, now: Instant) {
-        if self.looked.replace(od.changes()) == Some(od.changes()) {
+        let looked = self.looked.replace(od.changes());
+        let mut changed = looked.and_then(|count| od.changed_since(count));
+        if changed.as_mut().is_some_and(|all| all.all(|mux| !COMMUNICATION.contains(&mux.index))) {
             return;
         }
         if self.former.len() > MOST_FORMER {
@@ -163,10 +169,13 @@ impl Identifiers {
         let sync = od.int(Mux::new(SYNC, 0)).map(|cob| CobId(cob as u32).can_id());
         self.received = rpdos.chain(sync).collect();
         let tpdos = parameters(0x1800..=0x19FF)
-            .filter_map(|entry| Tpdo::new(od, entry.mux.index, valid(entry.mux)?));
+            .filter_map(|entry| Tpdo::new(od, entry.mux.index, valid(entry.mux)?).map(Arc::new));
         self.tpdos = tpdos.collect();
     }
 }
+
+/// The objects that identifiers and mappings are in (CiA 301, 7.4.3).
+const COMMUNICATION: RangeInclusive<u16> = 0x1000..=0x1FFF;
 
 /// How long a device may hold a frame that is ready: its stack may be called in a cycle of 30 ms,
 /// and 8 ms are what any frame may be late.
