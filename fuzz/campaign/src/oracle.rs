@@ -394,6 +394,7 @@ impl<'b> Oracle<'b> {
             }
             let sent: Vec<Frame> = self.model.poll(due).collect();
             self.now = due;
+            self.identifiers.look(self.model.dictionary(), due);
             sent.into_iter().try_for_each(|frame| self.expect(due, frame))?;
         }
         self.now = self.now.max(to);
@@ -484,6 +485,7 @@ impl<'b> Oracle<'b> {
         let open = self.open_process_data(now, frame);
         let sent: Vec<Frame> = self.model.take(now, frame).collect();
         let od = self.model.dictionary();
+        self.identifiers.look(od, now);
         let given = open.into_iter().filter(|(mux, before)| od.get(*mux).map(Data::new) != *before);
         self.kept.extend(given.map(|(mux, _)| mux));
         if self.model.state() == NmtState::OPERATIONAL && before != NmtState::OPERATIONAL {

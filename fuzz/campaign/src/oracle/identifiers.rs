@@ -137,7 +137,8 @@ impl Identifiers {
         frame.any_data_id().is_some_and(|id| self.received.contains(&id))
     }
 
-    fn look(&mut self, od: &Dictionary, now: Instant) {
+    /// Takes note of what the dictionary says now, which a frame that waits may not any more.
+    pub(super) fn look(&mut self, od: &Dictionary, now: Instant) {
         let looked = self.looked.replace(od.changes());
         let mut changed = looked.and_then(|count| od.changed_since(count));
         if changed.as_mut().is_some_and(|all| all.all(|mux| !COMMUNICATION.contains(&mux.index))) {
