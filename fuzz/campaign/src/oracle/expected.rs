@@ -124,8 +124,12 @@ impl Queues {
         let Some(place) = place else {
             return Err(first.map(|place| queue.expected[place].frame));
         };
+        // Of two that are the same, either may be the one that has come: the other may follow.
+        let left = queue.expected.iter().take(place).filter(|it| came(it));
+        let left: Vec<Expected> = left.map(|it| Expected { must: Must::Not, ..*it }).collect();
         let found = queue.expected[place];
         queue.expected.drain(..=place);
+        left.into_iter().rev().for_each(|it| queue.expected.push_front(it));
         if found.must == Must::Not {
             if queue.spare.len() == MOST_SPARE {
                 queue.spare.remove(0);
