@@ -738,6 +738,10 @@ impl<'b> Oracle<'b> {
         match found {
             Ok(expected) => {
                 self.confirm_kept(frame, &expected);
+                // Until then, a device that serves requests late may have sent by what was before.
+                let confirmed = matches!(class, Class::Sdo);
+                let tpdo = sdo::configured(frame, &self.requests).filter(|_| confirmed);
+                self.configured.extend(tpdo.map(|tpdo| (tpdo, now)));
                 self.queues.came(frame, now);
                 self.follow(now, &class, frame, &expected)
             }

@@ -73,8 +73,7 @@ impl Request {
     /// of its communication parameters.
     pub(super) fn configures(&self, frame: &Frame) -> Option<u16> {
         let writes = !self.uploads && frame.any_data_id() == Some(self.id);
-        (writes && matches!(self.mux.index, 0x1800..=0x1BFF))
-            .then_some(0x1800 | self.mux.index & 0x1FF)
+        tpdo_of(self.mux).filter(|_| writes)
     }
 
     /// Whether a service takes its value, which the device may refuse.
@@ -266,6 +265,21 @@ pub(super) fn written(frame: &Frame, requests: &[Option<Request>; 2]) -> Option<
         _ => None,
     };
     request.filter(|request| !request.uploads).map(|request| request.mux)
+}
+
+/// The TPDO of which an answer confirms a parameter, or the mapping: the index of its communication
+/// parameters.
+pub(super) fn configured(frame: &Frame, requests: &[Option<Request>; 2]) -> Option<u16> {
+    match Response::decode(&frame.data).ok()? {
+        // Others may have been requested since.
+        Response::Download(mux) => tpdo_of(mux),
+        Response::Abort(..) => None,
+        _ => tpdo_of(written(frame, requests)?),
+    }
+}
+
+fn tpdo_of(mux: Mux) -> Option<u16> {
+    matches!(mux.index, 0x1800..=0x1BFF).then_some(0x1800 | mux.index & 0x1FF)
 }
 
 /// Whether a frame is an abort.
