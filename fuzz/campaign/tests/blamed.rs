@@ -20,6 +20,9 @@ use common::blueprint;
 struct Blamed {
     device: String,
     personality: Option<String>,
+    /// The freedoms that it uses.
+    #[serde(default)]
+    freedoms: Vec<String>,
     /// The freedoms that the device was believed to use.
     #[serde(default)]
     believed: Vec<String>,
@@ -32,7 +35,10 @@ const LESSONS: usize = 16;
 impl Blamed {
     fn deviation(&self) -> Deviation {
         let device = devices::device(&self.device).unwrap();
-        let Some(name) = &self.personality else { return Deviation::default() };
+        let Some(name) = &self.personality else {
+            let all = freedom::of(&device).unwrap();
+            return freedom::mixture(all.iter().filter(|it| self.freedoms.contains(&it.name)));
+        };
         let all = freedom::personalities(&device).unwrap();
         let personality = all.iter().find(|known| known.name == *name).unwrap();
         personality.deviation()
