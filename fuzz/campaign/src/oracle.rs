@@ -37,6 +37,8 @@ use known::Known;
 use sdo::{Before, Request};
 use streams::{Streams, Taken};
 
+pub(crate) use sdo::is_request;
+
 /// Something that happened on the bus or on the bench.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Seen {
@@ -451,7 +453,7 @@ impl<'b> Oracle<'b> {
             self.early.clear();
         }
         let answer = RESPONSE_COB_ID + u16::from(self.model.id());
-        match sdo::is_request(frame, self.model.id()) && self.queues.awaits(answer) {
+        match is_request(frame, self.model.id()) && self.queues.awaits(answer) {
             true => Err(End::Void(now)),
             false => Ok(()),
         }
@@ -472,7 +474,7 @@ impl<'b> Oracle<'b> {
     /// Gives the model a frame of the tester.
     fn give(&mut self, now: Instant, frame: &Frame) -> Result<(), End> {
         self.taken += 1;
-        self.answered = !sdo::is_request(frame, self.blueprint.node()) && self.answered;
+        self.answered = !is_request(frame, self.blueprint.node()) && self.answered;
         let tpdo = self.requests[1].as_ref().and_then(|request| request.configures(frame));
         self.configured.extend(tpdo.map(|tpdo| (tpdo, now)));
         let before = self.model.state();

@@ -13,7 +13,7 @@ use crate::action::{Action, Kind, Then};
 use crate::blueprint::Blueprint;
 use crate::draw::Draw;
 use crate::explore::{self, Coverage, Tried};
-use crate::oracle::{End, Oracle, Seen, error_control};
+use crate::oracle::{End, Oracle, Seen, error_control, is_request};
 use crate::talk::Open;
 
 /// Actions, in their order.
@@ -22,6 +22,22 @@ use crate::talk::Open;
 pub struct Session {
     /// The actions.
     pub actions: Vec<Action>,
+}
+
+impl Session {
+    /// The same actions, each of which waits for the answer to its request to the default SDO
+    /// server of this node.
+    #[must_use]
+    pub fn patient(mut self, node: u8) -> Self {
+        let id = RESPONSE_COB_ID + u16::from(node);
+        for action in &mut self.actions {
+            let asks = action.frames.last().is_some_and(|frame| is_request(frame, node));
+            if asks && matches!(action.then, Then::Wait(_)) {
+                action.then = Then::Answers { id, count: 1 };
+            }
+        }
+        self
+    }
 }
 
 /// The most actions of a session.

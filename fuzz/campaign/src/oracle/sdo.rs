@@ -99,7 +99,7 @@ enum MayRefuse {
 }
 
 /// Whether a frame may be one that the default server answers.
-pub(super) fn is_request(frame: &Frame, node: u8) -> bool {
+pub(crate) fn is_request(frame: &Frame, node: u8) -> bool {
     frame.data_id() == Some(sdo::REQUEST_COB_ID + u16::from(node))
 }
 
