@@ -18,7 +18,7 @@ use crate::action::{Action, Kind, Stimulus, Then};
 
 use channels::Channels;
 use stimuli::values_of;
-pub(crate) use stimuli::{Values, turns};
+pub(crate) use stimuli::{PROCESS, Values, turns};
 
 /// The first index that is not about communication.
 pub(crate) const FIRST_OF_APPLICATION: u16 = 0x2000;
@@ -235,6 +235,17 @@ impl Surface {
                 None => self.shown.push(name.into()),
             }
         }
+    }
+
+    /// The stimuli that a process moves, which goes on when a session is over, and the values of
+    /// one at rest.
+    pub fn processes(&self) -> impl Iterator<Item = (&Arc<str>, Value)> {
+        self.stimuli.iter().filter_map(|source| match source.values {
+            Values::Real { process: Some(at_rest), .. } => {
+                Some((&source.name, Value::Real(at_rest)))
+            }
+            _ => None,
+        })
     }
 
     /// Whether an object can be read.

@@ -14,7 +14,7 @@ use super::draw::{LONGEST, LONGEST_ON_BUS, Story, story};
 use crate::action::{Action, Kind, Then};
 use crate::blueprint::Blueprint;
 use crate::oracle::{Seen, error_control};
-use crate::surface::Surface;
+use crate::surface::{PROCESS, Surface};
 use crate::talk::Open;
 
 /// How long an answer may take.
@@ -78,10 +78,12 @@ pub(crate) fn play(
         seen: Vec::new(),
         written: BTreeSet::new(),
         own_time: blueprint.is_in_its_own_time(),
+        at_rest: BTreeSet::new(),
         before: Vec::new(),
         state: NmtState::PRE_OPERATIONAL,
         goals: Vec::new(),
     };
+    player.rests();
     player.boot()?;
     let done = player.tell(&actions, blueprint);
     player.set_back();
@@ -111,6 +113,8 @@ struct Player<'p> {
     written: BTreeSet<Mux>,
     /// Whether the device, and its bench with it, outlives the session.
     own_time: bool,
+    /// The processes that are at rest while it lasts.
+    at_rest: BTreeSet<Arc<str>>,
     /// What the bench had before.
     before: Vec<(Arc<str>, Value)>,
     /// The state in which it is by the last command.
@@ -128,6 +132,19 @@ impl Player<'_> {
         }
         self.wait(REST)?;
         self.look(true)
+    }
+
+    /// Notes the processes that were brought to rest before the session.
+    fn rests(&mut self) {
+        let surface = self.surface;
+        let processes = surface.processes().filter(|_| self.own_time);
+        let Some(bench) = self.bus.bench() else { return };
+        for (name, value) in processes {
+            if bench.get(name).is_ok_and(|present| present == value) {
+                self.seen.push(Seen::Stimulus(Instant::ZERO, Arc::clone(name), value));
+                self.at_rest.insert(Arc::clone(name));
+            }
+        }
     }
 
     /// Sets the bench back, the last first.
@@ -259,6 +276,10 @@ impl Player<'_> {
 
     /// Sets a stimulus. One that the bench does not have, or does not set so, is left out.
     fn set(&mut self, name: &Arc<str>, value: &Value) -> Result<(), BusError> {
+        let process = matches!(value, Value::Text(word) if word == PROCESS);
+        if process && self.at_rest.contains(name) {
+            return Ok(());
+        }
         let at = self.now()?;
         let Some(bench) = self.bus.bench() else { return Ok(()) };
         if self.own_time

@@ -9,8 +9,9 @@ pub(crate) enum Values {
     Words(Vec<&'static str>),
     /// A whole number.
     Whole(i64, i64),
-    /// A number, and `process` where that stands for what the device does by itself.
-    Real { low: f64, high: f64, process: bool },
+    /// A number. Where `process` stands for what the device does by itself, the one of a process at
+    /// rest.
+    Real { low: f64, high: f64, process: Option<f64> },
 }
 
 /// Whether a stimulus makes something turn, so many times a second.
@@ -45,9 +46,9 @@ impl Values {
                 let high = highs.into_iter().find(|high| takes(*high))?;
                 Some(Self::Whole(within, high))
             }
-            Self::Real { low, high, .. } => {
+            Self::Real { low, high, process } => {
                 let real = |number: f64| takes(&Value::Real(number));
-                let process = takes(&Value::Text("process".to_owned()));
+                let process = process.filter(|_| takes(&Value::Text(PROCESS.to_owned())));
                 let middle = [0.0, 1.0, 25.0].into_iter().find(|number| real(*number))?;
                 let low = edge(low, middle, &real);
                 let high = edge(high, middle, &real);
@@ -76,8 +77,15 @@ fn words(words: &[&'static str]) -> Values {
 }
 
 const fn real(low: f64, high: f64) -> Values {
-    Values::Real { low, high, process: false }
+    Values::Real { low, high, process: None }
 }
+
+const fn sensed(low: f64, high: f64, at_rest: f64) -> Values {
+    Values::Real { low, high, process: Some(at_rest) }
+}
+
+/// What stands for the process that the device itself moves.
+pub(crate) const PROCESS: &str = "process";
 
 const fn flag() -> Values {
     Values::Whole(0, 1)
@@ -95,14 +103,14 @@ const TABLE: &[Row] = &[
     ("analogue-input-", || Values::Whole(-32768, 32767)),
     ("output-fault", flag),
     ("input-fault", flag),
-    ("main-line-temperature", || real(-500.0, 3000.0)),
-    ("return-line-temperature", || real(-500.0, 3000.0)),
-    ("external-temperature", || real(-500.0, 3000.0)),
+    ("main-line-temperature", || sensed(-500.0, 3000.0, 25.0)),
+    ("return-line-temperature", || sensed(-500.0, 3000.0, 25.0)),
+    ("external-temperature", || sensed(-500.0, 3000.0, 25.0)),
     ("external-sensor", || words(&["connected", "unplugged", "broken"])),
-    ("flow", || real(-10.0, 1000.0)),
-    ("intake-pressure", || real(-10.0, 100.0)),
-    ("medium-level", || real(0.0, 100.0)),
-    ("mould-contents", || real(0.0, 100.0)),
+    ("flow", || sensed(-10.0, 1000.0, 0.0)),
+    ("intake-pressure", || sensed(-10.0, 100.0, 1.5)),
+    ("medium-level", || sensed(0.0, 100.0, 70.0)),
+    ("mould-contents", || sensed(0.0, 100.0, 100.0)),
     ("safety-limiter", flag),
     ("machine-fault", flag),
     ("supply-voltage", || real(0.0, 100.0)),
@@ -114,7 +122,7 @@ const TABLE: &[Row] = &[
     ("encoder-lines-", || Values::Whole(0, 10_000)),
     ("input-voltage-", || real(-20_000.0, 30_000.0)),
     ("input-current-", || real(-5_000.0, 40_000.0)),
-    ("input-temperature-", || real(-500.0, 3000.0)),
+    ("input-temperature-", || sensed(-500.0, 3000.0, 25.0)),
     ("input-potentiometer-", || real(0.0, 100.0)),
     ("input-resistance-", || real(0.0, 1000.0)),
     ("input-wiring-", wires),

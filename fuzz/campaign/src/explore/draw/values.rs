@@ -7,7 +7,7 @@ use canopen::eds::Term;
 
 use super::{Draw, LONGEST_ON_BUS};
 use crate::explore::judge::CYCLE;
-use crate::surface::{Setting, Unit, Values};
+use crate::surface::{PROCESS, Setting, Unit, Values};
 
 /// The sorts of values. Each of a few codes is a sort of its own, from 16 on.
 const LOW: u8 = 0;
@@ -33,14 +33,14 @@ impl Draw<'_> {
                 let (low, high) = (*low, *high);
                 return self.within(low, high).to_string();
             }
-            Values::Whole(low, high) => (*low as f64, *high as f64, false),
+            Values::Whole(low, high) => (*low as f64, *high as f64, None),
             Values::Real { low, high, process } => (*low, *high, *process),
         };
         let is_whole = matches!(self.surface.stimuli[source].values, Values::Whole(..));
         let number = match self.below(20) {
             0 => low,
             1 => high,
-            2 if process => return "process".to_owned(),
+            2 if process.is_some() => return PROCESS.to_owned(),
             2 => 0.0,
             3..=10 => self.around_settings(),
             11..=15 => {

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use campaign::session::{self, BOOTED, Played, Script};
 use campaign::{Ask, Blueprint, Seen, Stage};
-use canopen::{Bench, Bus, BusError, Frame, Instant, Stamped, heartbeat};
+use canopen::{Bench, Bus, BusError, Frame, Instant, Stamped, Value, heartbeat};
 use reference_devices::change::Replica;
 use runner::protect::Deed;
 use runner::run::{Policy, Started, Visit};
@@ -31,6 +31,8 @@ pub(in crate::commands) struct OnBus<'t> {
     reached: Reached,
     /// Why it is lost.
     lost: Option<String>,
+    /// What the bench had before processes were brought to rest; none before the first session.
+    moved: Option<Vec<(Arc<str>, Value)>>,
 }
 
 /// How long a program may take to boot.
@@ -49,8 +51,8 @@ impl<'t> OnBus<'t> {
         stop: &Stop,
     ) -> Result<Self, Refused> {
         let stop = stop.of_session();
-        let (bus, visit, watch, reached, lost) = Default::default();
-        let mut on_bus = Self { target, stop, bus, visit, watch, reached, lost };
+        let (bus, visit, watch, reached, lost, moved) = Default::default();
+        let mut on_bus = Self { target, stop, bus, visit, watch, reached, lost, moved };
         if !target.outlives_the_program() {
             let watch = Watch::new().map_err(|error| Refused::bus(words(&error)))?;
             on_bus.watch = Some(Arc::new(watch));
@@ -78,8 +80,32 @@ impl<'t> OnBus<'t> {
         self.lost.as_deref()
     }
 
-    /// Sets back what is still changed in the device, and says what is not.
+    /// Brings the processes of a bench that outlives the sessions to rest. What a load has been
+    /// heated to before, no model knows.
+    fn calm(&mut self, blueprint: &Blueprint) {
+        if self.moved.is_some() || self.visit.is_none() {
+            return;
+        }
+        let mut moved = Vec::new();
+        let bench = self.bus.as_mut().and_then(|bus| bus.bench());
+        if let (Some(surface), Some(bench)) = (blueprint.surface(), bench) {
+            for (name, value) in surface.processes() {
+                let before = bench.get(name);
+                if let (Ok(before), Ok(())) = (before, bench.set(name, &value)) {
+                    moved.push((Arc::clone(name), before));
+                }
+            }
+        }
+        self.moved = Some(moved);
+    }
+
+    /// Sets back what is still changed in the device and on its bench, and says what is not.
     pub(super) fn give_back(&mut self) {
+        let bench = self.bus.as_mut().and_then(|bus| bus.bench());
+        if let (Some(bench), Some(moved)) = (bench, self.moved.take()) {
+            // A bench that fails has said so.
+            moved.iter().rev().for_each(|(name, before)| _ = bench.set(name, before));
+        }
         let (Some(visit), Some(bus)) = (self.visit.take(), &mut self.bus) else { return };
         // A bus that has failed says nothing more.
         let outputs = visit.said_of_outputs(&mut **bus).unwrap_or_default();
@@ -151,6 +177,7 @@ impl Stage for OnBus<'_> {
         model: Box<dyn Replica>,
         script: &Script<'_>,
     ) -> Result<Played, BusError> {
+        self.calm(blueprint);
         let (reset, boot_up) = self.started()?;
         let Some(bus) = &mut self.bus else { return Err(BusError::Io("closed".to_owned())) };
         let began = match (boot_up, reset) {
