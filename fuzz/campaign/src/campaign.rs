@@ -12,6 +12,7 @@ use crate::diagnosis::{Log, Suspect, dissenting, explains, suspects};
 use crate::explore::{Coverage, Sights};
 use crate::oracle::{End, Oracle, Seen, Violation, What};
 use crate::session::{Goal, Played, Script, Session};
+use crate::together::{Lesson, together};
 
 /// Where sessions are played: a simulated device, or one on a bus.
 pub trait Stage {
@@ -123,6 +124,8 @@ pub struct Campaign<'b> {
     lessons: u64,
     /// The last sessions in which nothing was wrong.
     right: VecDeque<Log>,
+    /// The sessions that taught what is believed now.
+    taught: Vec<Lesson>,
     /// The sessions that reached code which none before had, by their numbers.
     further: Vec<(u64, Vec<u8>)>,
 }
@@ -141,8 +144,9 @@ const MOST_LONG: usize = 8;
 impl<'b> Campaign<'b> {
     /// A campaign that begins with this belief.
     pub fn new(blueprint: &'b Blueprint, belief: Belief<'b>, seed: u64) -> Self {
-        let (tally, right, further) = (Tally::default(), VecDeque::new(), Vec::new());
-        Self { blueprint, belief, seed, tally, lessons: 0, right, further }
+        let (tally, right) = (Tally::default(), VecDeque::new());
+        let (taught, further) = (Vec::new(), Vec::new());
+        Self { blueprint, belief, seed, tally, lessons: 0, right, taught, further }
     }
 
     /// How models of the device are built.
@@ -240,11 +244,18 @@ impl<'b> Campaign<'b> {
             let used = self.belief.used().to_vec();
             match self.explain(&played.seen) {
                 Judged::Wrong => {}
-                Judged::Learnt if lesson < LESSONS => continue,
+                Judged::Learnt if lesson < LESSONS => {
+                    self.taught.retain(|lesson| lesson.number != number);
+                    self.taught.push(Lesson { number, session: played.session.clone() });
+                    continue;
+                }
                 Judged::Learnt | Judged::Expected => return Ok(None),
             }
             let Played { session, seen, .. } = played;
-            return Ok(Some(Finding::new(number, session, seen, violation, stage).believed(used)));
+            let finding = Finding::new(number, session, seen, violation, stage).believed(used);
+            // What they taught is doubted now.
+            let taught = std::mem::take(&mut self.taught);
+            return together(self.blueprint, &taught, finding, stage).map(Some);
         }
         Ok(None)
     }

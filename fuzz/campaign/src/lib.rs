@@ -24,6 +24,7 @@ pub mod session;
 mod shrink;
 mod surface;
 mod talk;
+mod together;
 mod virtual_device;
 
 pub use action::{Action, Kind, Stimulus, Then};

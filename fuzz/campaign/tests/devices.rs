@@ -210,6 +210,21 @@ fn mutants_are_found_and_their_requirements_are_named() {
     }
 }
 
+/// An identifier of 29 bits in 1012h looks like a freedom, until another object refuses one.
+#[test]
+fn what_contradicts_a_lesson_is_shown_with_it() {
+    let device = devices::device("generic").unwrap();
+    let mutants = mutant::of(&device).unwrap();
+    let mutant = mutants.iter().find(|mutant| mutant.name == "time-any-identifier-accepted");
+    let Subject { mut stage, blueprint } = Subject::new(&device, &mutant.unwrap().deviation());
+    let mut campaign = Campaign::new(&blueprint, Belief::new(&blueprint, Vec::new()).unwrap(), 1);
+    let mut sessions = (0..23).filter_map(|number| campaign.session(&mut stage, number).unwrap());
+    let finding = sessions.next().unwrap();
+    let mut frames = finding.session.actions.iter().flat_map(|action| &action.frames);
+    let accepted = frames.any(|frame| frame.data.starts_with(&[0x23, 0x12, 0x10]));
+    assert!(accepted, "{:?}", finding.violation);
+}
+
 #[test]
 fn a_finding_becomes_shorter_and_shows_the_same() {
     let device = devices::device("generic").unwrap();
