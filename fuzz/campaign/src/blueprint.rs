@@ -79,6 +79,8 @@ pub struct Blueprint {
     emergencies: bool,
     /// Whether the device is in a time of its own.
     in_its_own_time: bool,
+    /// Whether it and its bench go on from session to session.
+    lasts: bool,
     /// Whether other stations send on its bus.
     shares_its_bus: bool,
     /// Whether the values that it has are only known from what is heard.
@@ -126,6 +128,7 @@ impl Blueprint {
             errors: false,
             emergencies: true,
             in_its_own_time: false,
+            lasts: false,
             shares_its_bus: false,
             listens: false,
             prompt: false,
@@ -201,6 +204,17 @@ impl Blueprint {
         // What an object of it has at a moment depends on its cycle.
         let kept = if yes { Arc::default() } else { self.kept };
         Self { in_its_own_time: yes, kept, ..self }
+    }
+
+    /// The same for a device that goes on from session to session, and its bench with it.
+    #[must_use]
+    pub fn lasting(self, yes: bool) -> Self {
+        Self { lasts: yes, ..self }
+    }
+
+    /// Whether it goes on from session to session, and its bench with it.
+    pub const fn lasts(&self) -> bool {
+        self.lasts
     }
 
     /// The same for a device whose bus has other stations.

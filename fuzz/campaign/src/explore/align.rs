@@ -7,6 +7,7 @@ use std::time::Duration;
 use canopen::{Instant, Stamped};
 use reference_devices::change::Replica;
 
+use super::judge::instant;
 use crate::model::Model;
 use crate::oracle::{Seen, boots_in, error_control, is_reset};
 
@@ -75,6 +76,9 @@ fn later(seen: &Seen) -> Seen {
 /// The model boots at this time: it gets its reset so much earlier.
 fn start(model: &mut Model, node: u8, at: Instant, place: Option<usize>, all: &mut Vec<Seen>) {
     let earlier = |takes: Duration| Instant(at.0.saturating_sub(takes.as_nanos() as u64));
+    // What it sends until then is no boot-up that follows.
+    let since = place.map(|place| instant(&all[place]));
+    since.into_iter().for_each(|since| advance(model, since));
     match place.map(|place| (place, all[place].clone())) {
         None => {
             let begins = boots_in(model, node, Instant::ZERO, None).map_or(at, earlier);
@@ -96,25 +100,59 @@ fn start(model: &mut Model, node: u8, at: Instant, place: Option<usize>, all: &m
     }
 }
 
+fn advance(model: &mut Model, to: Instant) {
+    while let Some(due) = model.due_before(to) {
+        model.poll(due).for_each(drop);
+    }
+}
+
 fn give(model: &mut Model, what: &Seen) {
-    let mut advance = |to: Instant| {
-        while let Some(due) = model.due_before(to) {
-            model.poll(due).for_each(drop);
-        }
-    };
     match what {
         Seen::Frame(stamped) => {
-            advance(stamped.at);
+            advance(model, stamped.at);
             model.take(stamped.at, &stamped.frame).for_each(drop);
         }
         Seen::Power(at, on) => {
-            advance(*at);
+            advance(model, *at);
             model.power(*at, *on);
         }
         Seen::Stimulus(at, name, value) => {
-            advance(*at);
+            advance(model, *at);
             drop(model.stimulate(*at, name, value));
         }
         _ => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use canopen::heartbeat::ErrorControl;
+    use canopen::nmt::{Command, Service};
+    use reference_devices::change::Deviation;
+    use reference_devices::devices;
+
+    use super::*;
+
+    /// The model has not yet sent its first boot-up message when it gets the reset.
+    #[test]
+    fn a_reset_that_follows_the_boot_up_at_once_boots_when_the_device_does() {
+        let device = devices::device("mcm260x-9ad").unwrap();
+        let built = Deviation::default().build(&device, 1).unwrap();
+        let frame = |millis: u64, own, frame| {
+            Seen::Frame(Stamped { at: Instant(millis * 1_000_000), frame, own })
+        };
+        let boot_up = ErrorControl::BOOT_UP.frame(1);
+        let reset = Command { service: Service::RESET_NODE, node: 1 }.frame();
+        let seen = [frame(4_000, false, boot_up), frame(4_001, true, reset)];
+        let all = aligned(&*built, 1, &[&seen[..], &[frame(5_300, false, boot_up)]].concat());
+        let mut model = Model::new(built.replica());
+        let mut boots = Vec::new();
+        for what in all.iter().filter(|what| !matches!(what, Seen::Frame(it) if !it.own)) {
+            give(&mut model, what);
+        }
+        while let Some(due) = model.due_before(Instant(9_000_000_000)) {
+            boots.extend(model.poll(due).filter(|sent| *sent == boot_up).map(|_| due));
+        }
+        assert_eq!(boots, [Instant(5_300_000_000 + LEAD)]);
     }
 }

@@ -497,7 +497,7 @@ fn is_read(what: &Seen) -> bool {
     }
 }
 
-fn instant(seen: &Seen) -> Instant {
+pub(super) fn instant(seen: &Seen) -> Instant {
     match seen {
         Seen::Frame(stamped) => stamped.at,
         Seen::Power(at, _)

@@ -14,7 +14,7 @@ use super::draw::{LONGEST, LONGEST_ON_BUS, Story, story};
 use crate::action::{Action, Kind, Then};
 use crate::blueprint::Blueprint;
 use crate::oracle::{Seen, error_control};
-use crate::surface::{PROCESS, Surface};
+use crate::surface::{PROCESS, Surface, is_counted};
 use crate::talk::Open;
 
 /// How long an answer may take.
@@ -65,19 +65,20 @@ pub(crate) fn play(
     let node = blueprint.node();
     let on_bus = blueprint.is_in_its_own_time();
     let longest = if on_bus { LONGEST_ON_BUS } else { LONGEST };
-    let Story { actions, tried } = match source {
+    let Story { mut actions, tried } = match source {
         Source::Drawn(bytes, coverage) => {
             story(surface, node, bytes, coverage, blueprint.known(), longest)
         }
         Source::Actions(actions) => Story { actions: actions.to_vec(), tried: Tried::default() },
     };
+    actions.retain(|action| !blueprint.spares(action.does));
     let mut player = Player {
         bus,
         surface,
         node,
         seen: Vec::new(),
         written: BTreeSet::new(),
-        own_time: blueprint.is_in_its_own_time(),
+        lasts: blueprint.lasts(),
         at_rest: BTreeSet::new(),
         before: Vec::new(),
         state: NmtState::PRE_OPERATIONAL,
@@ -85,7 +86,7 @@ pub(crate) fn play(
     };
     player.rests();
     player.boot()?;
-    let done = player.tell(&actions, blueprint);
+    let done = player.tell(&actions);
     player.set_back();
     done?;
     let Player { seen, goals, .. } = player;
@@ -111,8 +112,8 @@ struct Player<'p> {
     seen: Vec<Seen>,
     /// The objects that the session has written.
     written: BTreeSet<Mux>,
-    /// Whether the device, and its bench with it, outlives the session.
-    own_time: bool,
+    /// Whether the device, and its bench with it, goes on after the session.
+    lasts: bool,
     /// The processes that are at rest while it lasts.
     at_rest: BTreeSet<Arc<str>>,
     /// What the bench had before.
@@ -124,8 +125,8 @@ struct Player<'p> {
 }
 
 impl Player<'_> {
-    fn tell(&mut self, actions: &[Action], blueprint: &Blueprint) -> Result<(), BusError> {
-        for action in actions.iter().filter(|action| !blueprint.spares(action.does)) {
+    fn tell(&mut self, actions: &[Action]) -> Result<(), BusError> {
+        for action in actions {
             self.goals.push((self.state.0, Open::Nothing, action.does));
             self.carry_out(action)?;
             self.state = after(action, self.state);
@@ -137,7 +138,7 @@ impl Player<'_> {
     /// Notes the processes that were brought to rest before the session.
     fn rests(&mut self) {
         let surface = self.surface;
-        let processes = surface.processes().filter(|_| self.own_time);
+        let processes = surface.processes().filter(|_| self.lasts);
         let Some(bench) = self.bus.bench() else { return };
         for (name, value) in processes {
             if bench.get(name).is_ok_and(|present| present == value) {
@@ -277,12 +278,14 @@ impl Player<'_> {
     /// Sets a stimulus. One that the bench does not have, or does not set so, is left out.
     fn set(&mut self, name: &Arc<str>, value: &Value) -> Result<(), BusError> {
         let process = matches!(value, Value::Text(word) if word == PROCESS);
-        if process && self.at_rest.contains(name) {
+        // What was counted is not set back.
+        let counts = self.lasts && is_counted(name);
+        if counts || process && self.at_rest.contains(name) {
             return Ok(());
         }
         let at = self.now()?;
         let Some(bench) = self.bus.bench() else { return Ok(()) };
-        if self.own_time
+        if self.lasts
             && self.before.iter().all(|(known, _)| known != name)
             && let Ok(before) = bench.get(name)
         {

@@ -19,6 +19,11 @@ pub(crate) fn turns(name: &str) -> bool {
     name.starts_with("encoder-frequency-")
 }
 
+/// Whether a device counts what a stimulus does.
+pub(crate) fn is_counted(name: &str) -> bool {
+    name.starts_with("encoder-")
+}
+
 /// Those of a name; `None` when it can only be observed.
 pub(super) fn values_of(name: &str) -> Option<Values> {
     TABLE.iter().find(|(known, _)| is_called(name, known)).map(|(_, values)| values())

@@ -81,6 +81,7 @@ impl Modelled {
             }
             let blueprint = Blueprint::of_reference(&reference, dut.node, bit_rate)?
                 .in_its_own_time(on_bus)
+                .lasting(target.outlives_the_program())
                 .sharing_its_bus(dut.shares_its_bus)
                 .sparing(if on_bus { ON_BUS.to_vec() } else { Vec::new() });
             return Ok(Self { blueprint, identity });

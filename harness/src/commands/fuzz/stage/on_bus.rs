@@ -83,7 +83,7 @@ impl<'t> OnBus<'t> {
     /// Brings the processes of a bench that outlives the sessions to rest. What a load has been
     /// heated to before, no model knows.
     fn calm(&mut self, blueprint: &Blueprint) {
-        if self.moved.is_some() || self.visit.is_none() {
+        if self.moved.is_some() || !blueprint.lasts() {
             return;
         }
         let mut moved = Vec::new();
