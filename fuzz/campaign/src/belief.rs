@@ -183,7 +183,13 @@ impl<'b> Belief<'b> {
                 return Some(now.used);
             }
             let each = self.with_each(&now, logs, &[]);
-            now = furthest(&now, &each)
+            // Of what explains as much, the belief with fewer freedoms is the likelier one.
+            let more = furthest(&now, &each);
+            let further = more.as_ref().map_or(now.reached, |more| more.reached);
+            let other = more.is_some().then(|| self.with_the_other(&now, logs)).flatten();
+            now = other
+                .filter(|other| other.reached >= further)
+                .or(more)
                 .or_else(|| self.with_another(&now, logs))
                 .or_else(|| self.with_several_more(&now, logs, &[], checks))
                 .or_else(|| self.with_company(&now, each, logs))?;
@@ -230,6 +236,24 @@ impl<'b> Belief<'b> {
             }
         }
         None
+    }
+
+    /// Replaces a freedom by one that was as good when it was added, and explains more.
+    fn with_the_other(&self, now: &Step, logs: &[&[Seen]]) -> Option<Step> {
+        let all = now.others.iter().enumerate().flat_map(|(place, (freedom, others))| {
+            let rest: Vec<usize> =
+                now.used.iter().filter(|used| *used != freedom).copied().collect();
+            let fits = others.iter().filter(|other| self.blueprint.agree(&rest, **other));
+            let fits: Vec<usize> = fits.copied().collect();
+            fits.into_iter().map(move |other| {
+                let used: Vec<usize> = rest.iter().copied().chain([other]).collect();
+                let mut others = now.others.clone();
+                others[place].0 = other;
+                Step { reached: self.reaches(&used, logs), used, others }
+            })
+        });
+        let more = all.filter(|step| step.reached > now.reached);
+        more.reduce(|best, step| if step.reached > best.reached { step } else { best })
     }
 
     /// Replaces a freedom by one that was as good when it was added, or leaves it out: the last
