@@ -18,7 +18,7 @@ use crate::action::{Action, Kind, Stimulus, Then};
 
 use channels::Channels;
 use stimuli::values_of;
-pub(crate) use stimuli::{PROCESS, Values, is_counted, turns};
+pub(crate) use stimuli::{PROCESS, Values, lingers, turns};
 
 /// The first index that is not about communication.
 pub(crate) const FIRST_OF_APPLICATION: u16 = 0x2000;

@@ -14,7 +14,7 @@ use super::draw::{LONGEST, LONGEST_ON_BUS, Story, story};
 use crate::action::{Action, Kind, Then};
 use crate::blueprint::Blueprint;
 use crate::oracle::{Seen, error_control};
-use crate::surface::{PROCESS, Surface, is_counted};
+use crate::surface::{PROCESS, Surface, lingers};
 use crate::talk::Open;
 
 /// How long an answer may take.
@@ -278,9 +278,7 @@ impl Player<'_> {
     /// Sets a stimulus. One that the bench does not have, or does not set so, is left out.
     fn set(&mut self, name: &Arc<str>, value: &Value) -> Result<(), BusError> {
         let process = matches!(value, Value::Text(word) if word == PROCESS);
-        // What was counted is not set back.
-        let counts = self.lasts && is_counted(name);
-        if counts || process && self.at_rest.contains(name) {
+        if self.lasts && lingers(name) || process && self.at_rest.contains(name) {
             return Ok(());
         }
         let at = self.now()?;

@@ -1,6 +1,7 @@
 //! What a bench may set: the values of its names, as `suites/README.md` has them.
 
 use canopen::Value;
+use canopen::bench::INTERFACE;
 
 /// The values of a stimulus.
 #[derive(Clone, Debug)]
@@ -19,9 +20,10 @@ pub(crate) fn turns(name: &str) -> bool {
     name.starts_with("encoder-frequency-")
 }
 
-/// Whether a device counts what a stimulus does.
-pub(crate) fn is_counted(name: &str) -> bool {
-    name.starts_with("encoder-")
+/// Whether what a stimulus does goes on after it was set back: a device counts it, or has another
+/// node id, bit rate or interface since its last reset.
+pub(crate) fn lingers(name: &str) -> bool {
+    name.starts_with("encoder-") || name.starts_with("dip-switch-") || name == INTERFACE
 }
 
 /// Those of a name; `None` when it can only be observed.
