@@ -96,7 +96,8 @@ fn carry_out(
     let (mut findings, stopped) = play(args, stop, &mut campaign, &mut place, &mut record);
     if modelled.blueprint.surface().is_some() {
         // A session of an exploration is long: mutants are held against what is left of it.
-        for finding in findings.iter_mut().take(SHRUNK_FIRST) {
+        let first = if place.repeats() > 0 { SHRUNK_ON_BUS } else { SHRUNK_FIRST };
+        for finding in findings.iter_mut().take(first) {
             *finding = modelled.shortest(&campaign, &mut place, None, finding);
         }
     }
@@ -322,5 +323,7 @@ fn shorten(args: &FindingArgs, stop: &Stop) -> Result<Exit, Refused> {
 
 /// How many findings of an exploration are made shorter before their causes are sought.
 const SHRUNK_FIRST: usize = 12;
+/// The same where time passes for everybody.
+const SHRUNK_ON_BUS: usize = 4;
 /// How many sessions are tried to make one shorter.
 const TRIES: usize = 400;

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use campaign::session::{Played, Script, Session};
+use campaign::session::{BOOTED, Played, Script, Session};
 use campaign::{
     Action, Belief, Blueprint, Campaign, Candidate, End, Finding, Judged, Kept, Kind, Look, Stage,
     VirtualDevice, kept, look, shrink,
@@ -197,7 +197,7 @@ impl Modelled {
         {
             return shown;
         }
-        let tries = if stage.repeats() == 0 { TRIES_ON_DEVICE } else { TRIES_ON_BUS };
+        let tries = if stage.repeats() == 0 { TRIES_ON_DEVICE } else { tries_on_bus(finding) };
         let shrunk = self.shrunk(campaign, stage, finding, tries);
         shrunk.filter(|short| is_wrong(campaign, short)).unwrap_or_else(|| finding.clone())
     }
@@ -307,13 +307,22 @@ fn is_wrong(campaign: &Campaign<'_>, finding: &Finding) -> bool {
     campaign.belief().clone().explain(&finding.seen) == Judged::Wrong
 }
 
+/// How many sessions are tried to make one shorter where time passes for everybody: as many as
+/// last two minutes.
+fn tries_on_bus(finding: &Finding) -> usize {
+    let lasts = finding.violation.at.since(BOOTED).as_secs().max(1);
+    (SHRINKING.as_secs() / lasts).clamp(FEWEST_ON_BUS, MOST_ON_BUS) as usize
+}
+
 /// How many sessions are tried when each is held against all freedoms.
 const CAREFUL: usize = 60;
 /// How many sessions are tried to make one shorter.
 const TRIES: usize = 2_000;
 /// The same on the device itself.
 const TRIES_ON_DEVICE: usize = 400;
-/// The same where time passes for everybody.
-const TRIES_ON_BUS: usize = 60;
+/// How long sessions are tried on a bus to make one shorter, and how many.
+const SHRINKING: Duration = Duration::from_secs(120);
+const FEWEST_ON_BUS: u64 = 8;
+const MOST_ON_BUS: u64 = 60;
 /// How often a session is played again since something was learnt in it.
 const LESSONS: u32 = 32;
