@@ -512,6 +512,9 @@ impl Behaviour for Drr460 {
                 let soft_start = parameter(od, SOFT_START) != 0;
                 self.rules.tuning_accepts(parameter(od, TUNE), soft_start, *value)
             }
+            (OUTPUT, _) if !self.rules.output_accepts(value(od, MANUAL) == 1) => {
+                Err(Abort::DEVICE_STATE)
+            }
             (Mux { index: LATCH_ON, sub }, [value]) => {
                 let accepted = self.controller.latch().accepts(sub, *value, self.settings.latch());
                 if accepted { Ok(()) } else { Err(Abort::DEVICE_STATE) }

@@ -469,6 +469,12 @@ decisions! {
         }
     }
 
+    /// 4004h takes a value in automatic mode, too, where the next control cycle overwrites it
+    /// (7.6, 11.3.7).
+    fn output_accepts(&self, _manual: bool) -> bool {
+        true
+    }
+
     /// A soft start follows START, also after a STOP (7.9).
     fn soft_starts(&self, _since_power_on: bool) -> bool {
         true

@@ -21,6 +21,7 @@ deviations! {
         calibrated: |_, digits, gain, offset| digits * (1.0 + gain / 100.0) + offset;
     "error-state-20-ma-is-21-5" =>
         milliamperes: |_, code| match code { 0 => 0.0, 1 => 4.0, _ => 21.5 };
+    "output-refused-in-automatic-mode" => output_accepts: |_, manual| manual;
     "contact-closed-from-code-1" => closed: |_, code| code > 0;
     "valve-states-swapped" => valve_state: |_, code| if code % 2 == 1 { 1.0 } else { 0.0 };
     "valve-contacts-swapped" => valve_contacts: |_, opens, closes| [closes, opens];
