@@ -18,18 +18,24 @@ use crate::surface::Surface;
 
 /// A control cycle: what a device does within it, before or after it notices, nobody knows.
 pub(super) const CYCLE: Duration = Duration::from_millis(100);
-/// By how many nanoseconds everything comes later for the other replicas.
-const SHIFTS: [i64; 2] = [-(CYCLE.as_nanos() as i64), CYCLE.as_nanos() as i64];
-/// The same for a device in a time of its own: what blinks changes within a cycle.
-const SHIFTS_ON_BUS: [i64; 8] = [
-    SHIFTS[0],
-    SHIFTS[1],
-    -50_000_000,
-    50_000_000,
-    -25_000_000,
-    25_000_000,
-    -10_000_000,
-    10_000_000,
+/// By how many nanoseconds everything comes later for the other replicas: every other frame or
+/// stimulus, and those between them.
+type Shift = [i64; 2];
+const CYCLES: i64 = CYCLE.as_nanos() as i64;
+const SHIFTS: [Shift; 2] = [[-CYCLES; 2], [CYCLES; 2]];
+/// The same for a device in a time of its own: what blinks changes within a cycle, and what it gets
+/// may come a moment before or after what it does by itself.
+const SHIFTS_ON_BUS: [Shift; 10] = [
+    [-CYCLES; 2],
+    [CYCLES; 2],
+    [-50_000_000; 2],
+    [50_000_000; 2],
+    [-25_000_000; 2],
+    [25_000_000; 2],
+    [-10_000_000; 2],
+    [10_000_000; 2],
+    [-6_000_000, 6_000_000],
+    [6_000_000, -6_000_000],
 ];
 /// How far the phase of what blinks, or is switched in a cycle, may be another one, and how closely
 /// that is looked at.
@@ -277,7 +283,7 @@ impl<'s> Judge<'s> {
         if !self.own_time {
             return false;
         }
-        let mut replica = Shifted::new(self.seen, self.model.clone(), self.node, 0);
+        let mut replica = Shifted::new(self.seen, self.model.clone(), self.node, [0; 2]);
         let first = at.0.saturating_sub(PHASE.as_nanos() as u64);
         let mut times = (0..).map(|step| Instant(first) + PHASE_STEP * step);
         let mut within = times.by_ref().take_while(|time| time.since(at) <= PHASE);
@@ -425,7 +431,7 @@ impl<'s> Judge<'s> {
 }
 
 impl Shifted {
-    fn new(seen: &[Seen], model: Box<dyn Replica>, node: u8, by: i64) -> Self {
+    fn new(seen: &[Seen], model: Box<dyn Replica>, node: u8, by: Shift) -> Self {
         Self { lane: Lane::new(model, node), events: shifted(seen, by, node), next: 0 }
     }
 
@@ -447,8 +453,8 @@ impl Shifted {
 
 /// What the tester did, at other times: nothing passes a look, nor the first boot-up, which is at
 /// the same time for each replica.
-fn shifted(seen: &[Seen], by: i64, node: u8) -> Vec<(Instant, usize)> {
-    let moved = |at: Instant| Instant(at.0.saturating_add_signed(by));
+fn shifted(seen: &[Seen], by: Shift, node: u8) -> Vec<(Instant, usize)> {
+    let moved = |at: Instant, number: usize| Instant(at.0.saturating_add_signed(by[number % 2]));
     let is_look = |what: &Seen| is_read(what) || matches!(what, Seen::Observed(..));
     let mut events: Vec<(Instant, usize)> = Vec::new();
     let first_boot = boot_by_itself(seen, node);
@@ -461,7 +467,11 @@ fn shifted(seen: &[Seen], by: i64, node: u8) -> Vec<(Instant, usize)> {
             last = last.max(instant(what));
         }
         if is_own(what) {
-            let at = if is_read(what) { instant(what) } else { moved(instant(what)).max(last) };
+            let at = if is_read(what) {
+                instant(what)
+            } else {
+                moved(instant(what), events.len()).max(last)
+            };
             last = last.max(at);
             events.push((at, place));
         }

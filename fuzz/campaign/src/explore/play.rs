@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use canopen::bench::POWER;
+use canopen::bench::{INTERFACE, POWER};
 use canopen::nmt::{Command, Service};
 use canopen::sdo::{Client, Next, RESPONSE_COB_ID, Request};
 use canopen::{Bus, BusError, Frame, Instant, Mux, NmtState, Value};
@@ -14,7 +14,7 @@ use super::draw::{LONGEST, LONGEST_ON_BUS, Story, story};
 use crate::action::{Action, Kind, Then};
 use crate::blueprint::Blueprint;
 use crate::oracle::{Seen, error_control};
-use crate::surface::{PROCESS, Surface, lingers};
+use crate::surface::{PROCESS, Surface, lingers, turns};
 use crate::talk::Open;
 
 /// How long an answer may take.
@@ -23,6 +23,8 @@ const PATIENCE: Duration = Duration::from_millis(300);
 const BOOT: Duration = Duration::from_secs(12);
 /// For how long a device is switched off.
 const OFF: Duration = Duration::from_millis(300);
+/// How long it may take to take a frame.
+const TAKEN: Duration = Duration::from_millis(30);
 /// After so many requests in a row without an answer, no more are sent in this look.
 const SILENCE: u32 = 2;
 /// So many frames in one wait cut it short.
@@ -77,7 +79,9 @@ pub(crate) fn play(
         surface,
         node,
         seen: Vec::new(),
+        last: Instant::ZERO,
         written: BTreeSet::new(),
+        own_time: blueprint.is_in_its_own_time(),
         lasts: blueprint.lasts(),
         at_rest: BTreeSet::new(),
         before: Vec::new(),
@@ -110,8 +114,12 @@ struct Player<'p> {
     surface: &'p Surface,
     node: u8,
     seen: Vec<Seen>,
+    /// When the last frame of the tester was on the bus.
+    last: Instant,
     /// The objects that the session has written.
     written: BTreeSet<Mux>,
+    /// Whether it has a clock of its own.
+    own_time: bool,
     /// Whether the device, and its bench with it, goes on after the session.
     lasts: bool,
     /// The processes that are at rest while it lasts.
@@ -197,9 +205,13 @@ impl Player<'_> {
         Ok(())
     }
 
-    /// What the bench shows now.
+    /// What the bench shows now. A device with a clock of its own may not yet have taken the last
+    /// frame.
     fn glance(&mut self) -> Result<(), BusError> {
         let at = self.now()?;
+        if self.own_time && at.since(self.last) < TAKEN {
+            return Ok(());
+        }
         let Some(bench) = self.bus.bench() else { return Ok(()) };
         for name in &self.surface.shown {
             if let Ok(value) = bench.get(name) {
@@ -220,6 +232,7 @@ impl Player<'_> {
             let own = stamped.own;
             self.seen.push(Seen::Frame(stamped));
             if own {
+                self.last = stamped.at;
                 return Ok(());
             }
         }
@@ -278,7 +291,11 @@ impl Player<'_> {
     /// Sets a stimulus. One that the bench does not have, or does not set so, is left out.
     fn set(&mut self, name: &Arc<str>, value: &Value) -> Result<(), BusError> {
         let process = matches!(value, Value::Text(word) if word == PROCESS);
-        if self.lasts && lingers(name) || process && self.at_rest.contains(name) {
+        // How far something has turned meanwhile depends on two clocks, and when a device boots on
+        // another interface, on its own.
+        let apart = self.own_time && (turns(name) || &**name == INTERFACE);
+        let lasting = self.lasts && lingers(name);
+        if apart || lasting || process && self.at_rest.contains(name) {
             return Ok(());
         }
         let at = self.now()?;
