@@ -38,9 +38,9 @@ const SHIFTS_ON_BUS: [Shift; 10] = [
     [6_000_000, -6_000_000],
 ];
 /// How far the phase of what blinks, or is switched in a cycle, may be another one, and how closely
-/// that is looked at.
-const PHASE: Duration = Duration::from_secs(1);
-const PHASE_STEP: Duration = Duration::from_millis(50);
+/// that is looked at. Three flashes and their pause take two seconds (CiA 303-3).
+const PHASE: Duration = Duration::from_secs(2);
+const PHASE_STEP: Duration = Duration::from_millis(10);
 /// How long a frame of a device in a time of its own may wait.
 const GRACE_ON_BUS: Duration = Duration::from_millis(200);
 /// How long a frame may wait for the wire.
@@ -277,7 +277,7 @@ impl<'s> Judge<'s> {
         })
     }
 
-    /// Whether a replica shows that within a second. What blinks or switches in a cycle is looked
+    /// Whether a replica shows that within two seconds. What blinks or switches in a cycle is looked
     /// at by chance, and its phase is that of a device in its own time.
     fn shows_about(&self, place: usize, at: Instant, name: &str, value: &Value) -> bool {
         if !self.own_time {
