@@ -34,6 +34,8 @@ pub(super) struct NodeFacts {
     clock: Option<At<Mux>>,
     /// The object that holds the interval at which TIME is produced.
     time_interval: Option<At<Mux>>,
+    /// Settings by which the device learns something that lasts until it learns again.
+    learns_by: Vec<At<Mux>>,
     /// Second addresses of an object, each with the address of its value.
     aliases: BTreeMap<Mux, At<Mux>>,
     /// How the period of SYNC is supervised, where that differs from CiA 301.
@@ -152,6 +154,7 @@ impl NodeFacts {
             sync_producer_us: self.sync_producer_us.or(other.sync_producer_us),
             clock: self.clock.or(other.clock),
             time_interval: self.time_interval.or(other.time_interval),
+            learns_by: if self.learns_by.is_empty() { other.learns_by } else { self.learns_by },
             aliases,
             sync: self.sync.or(other.sync),
             block_transfer: self.block_transfer.or(other.block_transfer),
@@ -168,7 +171,7 @@ impl NodeFacts {
             self.clock.as_ref(),
             self.time_interval.as_ref(),
         ];
-        single.into_iter().flatten().chain(self.aliases.values())
+        single.into_iter().flatten().chain(&self.learns_by).chain(self.aliases.values())
     }
 }
 
@@ -212,6 +215,7 @@ pub(super) fn settings(node: &NodeFacts, emcy: Option<&EmcyFacts>) -> NodeSettin
         sync_producer: node.sync_producer_us.map(Duration::from_micros),
         clock_object: value(&node.clock),
         time_interval_object: value(&node.time_interval),
+        learns_by: node.learns_by.iter().map(|at| at.value).collect(),
         sync_supervision: node.sync.as_ref().map_or(usual.sync_supervision, |sync| {
             let resolution = Duration::from_millis(sync.resolution_ms);
             Some(SyncSupervision { percent: sync.percent, resolution })

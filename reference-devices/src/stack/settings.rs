@@ -50,6 +50,8 @@ pub struct NodeSettings {
     pub clock_object: Option<Mux>,
     /// The object that holds the interval at which the device produces TIME, in milliseconds.
     pub time_interval_object: Option<Mux>,
+    /// Settings by which the device learns something that lasts until it learns again.
+    pub learns_by: Vec<Mux>,
     /// Second doors: the network's access to the first address goes to the second one.
     pub aliases: Vec<(Mux, Mux)>,
     /// The values stored before the device was switched on for the first time.
@@ -143,6 +145,7 @@ impl Default for NodeSettings {
             sync_producer: None,
             clock_object: None,
             time_interval_object: None,
+            learns_by: Vec::new(),
             aliases: Vec::new(),
             stored: BTreeMap::new(),
         }

@@ -73,7 +73,7 @@ pub(crate) fn play(
         }
         Source::Actions(actions) => Story { actions: actions.to_vec(), tried: Tried::default() },
     };
-    actions.retain(|action| !blueprint.spares(action.does));
+    actions.retain(|action| !blueprint.spares(action.does) && !outlasts(action, blueprint));
     let mut player = Player {
         bus,
         surface,
@@ -95,6 +95,15 @@ pub(crate) fn play(
     done?;
     let Player { seen, goals, .. } = player;
     Ok(Told { actions, seen, goals, tried })
+}
+
+/// Whether a device that goes on after the session learns something that outlasts it.
+fn outlasts(action: &Action, blueprint: &Blueprint) -> bool {
+    let learns_by = &blueprint.settings().learns_by;
+    let mut requests = action.frames.iter().map(|frame| Request::decode(&frame.data));
+    blueprint.lasts()
+        && requests
+            .any(|it| matches!(it, Ok(Request::Download(mux, _)) if learns_by.contains(&mux)))
 }
 
 /// The state after an action.
