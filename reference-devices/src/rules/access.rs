@@ -38,6 +38,11 @@ decisions! {
     fn same_cob_id_taken(&self) -> bool {
         true
     }
+
+    /// The same of the other parameters that are fixed while a PDO is valid.
+    fn same_parameter_taken(&self) -> bool {
+        true
+    }
 }
 
 deviations! {

@@ -79,7 +79,11 @@ pub(crate) fn check_communication(
     }
     let cob = cob_id(&base.od, direction, mux.index & 0x1FF);
     let kind = base.od.int(Mux::new(mux.index, TYPE)).unwrap_or(0) as u8;
-    let same = base.od.get(mux) == Some(bytes);
+    let taken = match mux.sub {
+        COB_ID => rules.same_cob_id_taken(),
+        _ => rules.same_parameter_taken(),
+    };
+    let same = base.od.get(mux) == Some(bytes) && taken;
     let fixed = !same && cob.valid() && rules.pdo_parameter_fixed_while_valid(mux.sub);
     let refused = match (mux.sub, bytes) {
         (COB_ID, &[a, b, c, d]) => {
