@@ -17,11 +17,13 @@ pub(super) enum Strictness {
     Service,
     /// The frame that the device sent is not sent, or one with the identifier is.
     Absence,
+    /// The frame that the device sent is not sent until then: it is right soon afterwards.
+    Early,
 }
 
 impl Strictness {
     /// The strictest first.
-    pub(super) const ALL: [Self; 3] = [Self::Whole, Self::Service, Self::Absence];
+    pub(super) const ALL: [Self; 4] = [Self::Whole, Self::Service, Self::Absence, Self::Early];
 }
 
 /// What a case is called.
@@ -316,6 +318,10 @@ fn judged(finding: &Finding, node: u8, how: Strictness) -> Option<String> {
     let never = |frame: String, after| never_for(frame, since(after) + MARGIN);
     let last = begins(finding).unwrap_or(Instant::ZERO);
     let bytes = if how == Strictness::Service { 4 } else { 8 };
+    let came_early = matches!(violation.what, What::Unexpected(_, None));
+    if how == Strictness::Early && !came_early {
+        return None;
+    }
     match &violation.what {
         What::Unexpected(frame, Some(_)) if how == Strictness::Absence => {
             Some(never(pattern(frame, node, 8), last))
@@ -332,6 +338,10 @@ fn judged(finding: &Finding, node: u8, how: Strictness) -> Option<String> {
                 Strictness::Absence => {
                     Some(never_for(pattern(frame, node, bytes), since(last) + EARLY))
                 }
+                Strictness::Early => {
+                    let came = came(finding, frame)?.since(last);
+                    Some(never_for(pattern(frame, node, bytes), came + MOMENT))
+                }
             }
         }
         What::Missing(frame, due) => {
@@ -347,6 +357,14 @@ fn judged(finding: &Finding, node: u8, how: Strictness) -> Option<String> {
         What::Differs(difference) => judged_by_name(difference, how),
         What::Inhibited(..) | What::Ended(_) => None,
     }
+}
+
+/// When a frame of the device came the last time.
+fn came(finding: &Finding, frame: &Frame) -> Option<Instant> {
+    finding.seen.iter().rev().find_map(|seen| match seen {
+        Seen::Frame(stamped) if !stamped.own && stamped.frame == *frame => Some(stamped.at),
+        _ => None,
+    })
 }
 
 /// The step that reads an object, or looks at the bench.
@@ -380,6 +398,8 @@ const BOOT_UP_MS: u128 = 5_000;
 const MARGIN: Duration = Duration::from_millis(50);
 /// The same where a frame came too early.
 const EARLY: Duration = Duration::from_millis(1);
+/// The same where another frame like it is due at once.
+const MOMENT: Duration = Duration::from_micros(100);
 
 /// A frame as a pattern: its identifier, and the first bytes.
 fn pattern(frame: &Frame, node: u8, bytes: usize) -> String {
