@@ -86,6 +86,9 @@ pub enum Command {
     Restore(RestoreArgs),
     /// Print the JSON schema of suites, devices, waivers, device files and others
     Schema(SchemaArgs),
+    /// Prove that this program gives right verdicts on this machine, and say which of them it is
+    /// too late for
+    SelfTest(SelfTestArgs),
 }
 
 /// After how many failures to stop. A run that stops before the first one tests nothing.
@@ -835,6 +838,31 @@ pub struct RestoreArgs {
     /// Only remove the undo log: nothing is sent to the device, which stays as it is
     #[arg(long, requires = "run")]
     pub forget: bool,
+}
+
+/// Arguments of `self-test`.
+#[derive(Debug, Args)]
+pub struct SelfTestArgs {
+    /// What the mutants are drawn by
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// How many mutants of each chapter of requirements are tried
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = whole::<u16>(1..=u16::MAX))]
+    pub mutants: u16,
+    /// Leave out what takes time by the clock: nothing is said about how late this machine is
+    #[arg(long, conflicts_with = "target")]
+    pub in_process: bool,
+    /// Test through this interface, such as `can0` or `slcan:/dev/ttyACM0`, instead of pipes; the
+    /// device is on the interface of --peer
+    #[arg(long, requires = "peer")]
+    pub target: Option<String>,
+    /// The interface on which this program is the device; it is on the same bus as that of --target
+    #[arg(long, value_name = "INTERFACE", requires = "target")]
+    pub peer: Option<String>,
+    /// Bit rate of the bus in bit/s, which adapters are set to
+    #[arg(long, value_name = "BITS", requires = "target")]
+    #[arg(value_parser = whole::<u32>(1..=1_000_000))]
+    pub bitrate: Option<u32>,
 }
 
 /// Arguments of `schema`.

@@ -25,6 +25,7 @@ mod run;
 mod scan;
 mod schema;
 mod select;
+mod self_test;
 mod serve;
 mod trace;
 mod waive;
@@ -58,6 +59,7 @@ pub fn run(cli: Cli) -> Exit {
         Some(Command::Restore(args)) => restore::run(&args, &stop),
         Some(Command::Init(args)) => init::run(&args, &stop),
         Some(Command::Schema(args)) => schema::run(&args),
+        Some(Command::SelfTest(args)) => self_test::run(&args, &stop),
     });
     let exit = done.unwrap_or_else(|Refused { exit, message }| {
         complain!("{}", harmless(&message));

@@ -244,14 +244,7 @@ fn the_failure_in_the_readme_is_the_one_that_is_printed() {
 
 #[test]
 fn a_checkout_takes_the_place_of_the_data_in_the_program() {
-    let folder = tempfile::tempdir().unwrap();
-    for part in ["canopen/catalogue", "reference-devices", "suites"] {
-        for file in files(&project().join(part)) {
-            let to = folder.path().join(file.strip_prefix(project()).unwrap());
-            fs::create_dir_all(to.parent().unwrap()).unwrap();
-            fs::copy(file, to).unwrap();
-        }
-    }
+    let folder = checkout();
     let mutants = folder.path().join("reference-devices/mutants/cia301.yaml");
     let text = fs::read_to_string(&mutants).unwrap();
     let explain = |data: &Path| {
@@ -270,6 +263,50 @@ fn a_checkout_takes_the_place_of_the_data_in_the_program() {
     let output = explain(&folder.path().join("none"));
     assert_eq!(output.status.code(), Some(3));
     assert!(text_of(&output).contains("HARNESS_DATA names a checkout of the harness"));
+}
+
+/// A copy of what the program reads in the place of its own data.
+fn checkout() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for part in ["canopen/catalogue", "reference-devices", "suites"] {
+        for file in files(&project().join(part)) {
+            let to = folder.path().join(file.strip_prefix(project()).unwrap());
+            fs::create_dir_all(to.parent().unwrap()).unwrap();
+            fs::copy(file, to).unwrap();
+        }
+    }
+    folder
+}
+
+/// A program whose proofs do not hold says so itself, and which.
+#[test]
+fn a_self_test_names_what_is_wrong_with_the_program() {
+    let folder = checkout();
+    let change = |file: &str, from: &str, to: &str| {
+        let path = folder.path().join(file);
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(text.contains(from), "{file} has another text");
+        fs::write(path, text.replacen(from, to, 1)).unwrap();
+    };
+    change(
+        "suites/cia301/nmt.yaml",
+        "- never: { frame: boot-up, for",
+        "- expect: { frame: boot-up, within",
+    );
+    let nothing = r##"frame: { when: "580+n#...", edit: "580+n#..." }"##;
+    change(
+        "reference-devices/mutants/cia301.yaml",
+        "breaks: [CIA301-UP-02]\n    change: { decision: starts-itself, is: true }",
+        &format!("breaks: [CIA301-UP-02]\n    {nothing}"),
+    );
+    let output =
+        harness().env("HARNESS_DATA", folder.path()).args(["self-test", "--in-process"]).output();
+    let output = output.unwrap();
+    assert_eq!(output.status.code(), Some(9), "{}", text_of(&output));
+    let said = text(&output.stderr);
+    assert!(said.contains("wrong: generic has no deviation and is not green in "), "{said}");
+    assert!(said.contains("no case notices the mutant start-by-itself-always"), "{said}");
+    assert!(text(&output.stdout).contains("devices    0 of 15 green"), "{}", text(&output.stdout));
 }
 
 /// What a command printed, errors last.

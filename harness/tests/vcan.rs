@@ -217,6 +217,20 @@ fn a_device_of_an_unknown_vendor_is_judged_by_its_profile() {
     assert!(passed("em66/") > 20 && passed("cia301/sdo-expedited") > 20, "{said}");
 }
 
+/// Both adapters are the same interface here. A machine that is busy is late, and says so.
+#[test]
+#[ignore = "needs vcan0: scripts/with-vcan"]
+fn a_self_test_goes_from_one_adapter_to_another() {
+    let _wire = wire();
+    let arguments = ["self-test", "--mutants", "1", "--target", "vcan0", "--peer", "vcan0"];
+    let output = harness().args(arguments).output().unwrap();
+    let (said, noted) = (text(&output.stdout), text(&output.stderr));
+    assert!([Some(0), Some(6)].contains(&output.status.code()), "{said}{noted}");
+    assert!(said.contains("real time  generic over vcan0 and vcan0: "), "{said}{noted}");
+    assert!(said.contains("timers     400 waits, late by "), "{said}{noted}");
+    assert!(!noted.contains("wrong: "), "{noted}");
+}
+
 #[test]
 #[ignore = "needs vcan0: scripts/with-vcan"]
 fn a_bus_with_nobody_is_refused_with_what_helps() {

@@ -28,4 +28,5 @@ pub use observer::{Observer, Shown, Unobserved};
 pub use policy::Policy;
 pub use rest::{Abandoned, Address, BroughtBack, KeepChanges, Snapshot, Undo, differs};
 pub use session::{Ending, Session};
+pub use steps::bears;
 pub use visit::{Started, Visit};

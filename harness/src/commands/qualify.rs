@@ -36,8 +36,10 @@ use assertions::Assertions;
 pub(super) use assertions::Judged;
 use freedoms::Freedoms;
 use matrix::Matrix;
+pub(super) use matrix::noticed_by;
 use slips::Slips;
-use trial::{Clean, Fits};
+pub(super) use trial::Clean;
+use trial::Fits;
 
 /// Runs the qualification and prints the matrix and what the freedoms showed.
 ///

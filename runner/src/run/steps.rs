@@ -15,7 +15,9 @@ mod partner;
 pub(super) mod promise;
 mod proof;
 mod run;
+mod window;
 
 pub(in crate::run) use judge::{Difference, Judgement, Trouble, excerpt};
 pub(in crate::run) use proof::Proof;
 pub(in crate::run) use run::{Steps, is_of_protocol, is_reset};
+pub use window::bears;

@@ -843,3 +843,27 @@ fn a_case_with_too_many_instances_is_refused_before_they_are_made() {
     let said = "`all` has 729000000 instances, and a case may have 20000";
     assert_eq!(complaints[0].message, said);
 }
+
+/// The runner's rule about a late tester, said beforehand.
+#[test]
+fn a_case_bears_what_its_shortest_window_bears() {
+    let policy = Policy::at_bit_rate(BIT_RATE);
+    let bears = |steps: &str| {
+        let case = format!("  - {{ id: a, title: Any., checks: [ANY-01], steps: {steps} }}\n");
+        let library = library(&format!("suite: any\ncases:\n{case}"));
+        let plan = plan::plan(&library, &dut(), &BTreeMap::new()).unwrap();
+        super::bears(&plan.instances[0], &policy)
+    };
+    let ms = |ms| Some(Duration::from_millis(ms));
+    let and_frames = |ms| Some(Duration::from_millis(ms) + policy.bus_slack * 2);
+    let heartbeat = |within| format!("[expect: {{ frame: '701#..', within: {within} }}]");
+    assert_eq!(bears("[]"), None);
+    assert_eq!(bears(&heartbeat("200 ms")), and_frames(20));
+    assert_eq!(bears(&heartbeat("20 ms")), and_frames(5));
+    // A host that stands still spoils each failure.
+    assert_eq!(bears(&heartbeat("5 s")), ms(100));
+    assert_eq!(bears("[read: { object: '1000', value: 0 }]"), ms(100));
+    // The request may be late, since its answer counts from its end.
+    assert_eq!(bears("[send: '601#40 00 10 00 00 00 00 00']"), None);
+    assert_eq!(bears("[send: '000#01 01', wait: 1 s]"), and_frames(5));
+}

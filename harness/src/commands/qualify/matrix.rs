@@ -160,6 +160,20 @@ impl Matrix {
     }
 }
 
+/// The cases that notice a mutant: they fail on it, and not on the device without deviation.
+///
+/// # Errors
+/// When the mutant cannot be built.
+pub(in crate::commands) fn noticed_by(
+    clean: &Clean,
+    mutant: &Mutant,
+) -> Result<BTreeSet<String>, Refused> {
+    let mut kills = row(clean, mutant, &|_| true)?.kills;
+    let held = clean.trials.iter().filter(|trial| trial.kills);
+    held.for_each(|trial| _ = kills.remove(&trial.case));
+    Ok(kills)
+}
+
 fn row(clean: &Clean, mutant: &Mutant, fits: &Fits) -> Result<Row, Refused> {
     let meets = |case: &Case| fits(case) && is_tried_on(mutant, case);
     let wanted = Wanted::Cases(&meets);

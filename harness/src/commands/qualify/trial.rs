@@ -30,7 +30,7 @@ use crate::target::{DEFAULT_BIT_RATE, Selection};
 
 /// The result of one instance.
 #[derive(Clone, Debug)]
-pub(super) struct Trial {
+pub(in crate::commands) struct Trial {
     /// Suite and case.
     pub case: String,
     /// The instance, with its suite.
@@ -53,7 +53,7 @@ pub(super) struct Trial {
 
 /// A device without deviation, its plan and the results. Deviating devices are made from it and
 /// compared with it.
-pub(super) struct Clean<'l> {
+pub(in crate::commands) struct Clean<'l> {
     pub library: &'l Library,
     pub device: Arc<ReferenceDevice>,
     pub target: Target,
@@ -65,7 +65,7 @@ pub(super) struct Clean<'l> {
 }
 
 /// Which cases are looked at.
-pub(super) type Fits<'f> = dyn Fn(&Case) -> bool + Sync + 'f;
+pub(in crate::commands) type Fits<'f> = dyn Fn(&Case) -> bool + Sync + 'f;
 
 /// The selection of cases to run on a deviating device.
 pub(super) enum Wanted<'w> {
@@ -84,7 +84,7 @@ pub(super) enum Wanted<'w> {
 }
 
 /// Where a deviation would make a difference.
-pub(super) struct Reach {
+pub(in crate::commands) struct Reach {
     /// The instances; `None` where they are unknown: the deviation changes more than decisions and
     /// frames, or is active before the first case begins.
     pub instances: Option<BTreeSet<String>>,
@@ -107,7 +107,11 @@ impl<'l> Clean<'l> {
     ///
     /// # Errors
     /// When the data of the device do not load, or it cannot be built.
-    pub(super) fn of(library: &'l Library, name: &str, fits: &Fits) -> Result<Self, Refused> {
+    pub(in crate::commands) fn of(
+        library: &'l Library,
+        name: &str,
+        fits: &Fits,
+    ) -> Result<Self, Refused> {
         let mut clean = Self::planned(library, name)?;
         let instances = clean.plan.instances.iter().filter(|instance| fits(instance.case()));
         let (dut, instances) = (clean.plan.dut.clone(), instances.cloned().collect());
@@ -143,7 +147,7 @@ impl<'l> Clean<'l> {
     }
 
     /// The name of the device.
-    pub(super) fn name(&self) -> &str {
+    pub(in crate::commands) fn name(&self) -> &str {
         &self.device.description.device
     }
 

@@ -11,6 +11,7 @@ use reports::{Begun, Event, Phase};
 use super::apart;
 use super::judge::{Difference, Judgement, Trouble};
 use super::proof::Proof;
+use super::window::window;
 use crate::dut::Dut;
 use crate::plan::{Binding, Scope, Wording, nmt_frame};
 use crate::run::link::{Lateness, Link, STALL};
@@ -63,9 +64,7 @@ pub(in crate::run) struct Steps<'s, 'b> {
 
 /// How long an answer may take unless the step says otherwise.
 pub(super) const DEFAULT_REPLY: Duration = Duration::from_secs(1);
-const DEFAULT_SYNC_PERIOD: Duration = Duration::from_millis(10);
-/// Of how much of the time of an `until` a tenth may pass without a look.
-const LOOKS: Duration = Duration::from_secs(1);
+pub(super) const DEFAULT_SYNC_PERIOD: Duration = Duration::from_millis(10);
 /// How many times as late as the tester a device on the same host is at most.
 const SHARED: u32 = 5;
 
@@ -592,35 +591,7 @@ impl Steps<'_, '_> {
 
     /// How long the device has for what the step judges; `None` when the step judges no time.
     fn window(&self, step: &Step) -> Option<Duration> {
-        let time = match step {
-            Step::Expect(expect) => self.time(&expect.within),
-            Step::Never(never) => self.time(&never.time),
-            Step::Collect(collect) => self.time(&collect.time),
-            Step::Reply(reply) => self.optional_time(&reply.within, DEFAULT_REPLY),
-            // It had as long for the answer to each request, one of which was enough.
-            Step::Ask(ask) if ask.latency.is_none() => self
-                .optional_time(&ask.within, DEFAULT_REPLY)
-                .map(|within| within * ask.tries.unwrap_or(1) as u32),
-            // A value that has not come within seconds was not missed in a moment without a look.
-            Step::Until(until) => self.time(&until.within).map(|within| within.min(LOOKS)),
-            Step::Measure(_) => Ok(self.awaited.min(LOOKS)),
-            Step::Ask(_) | Step::Lss(_) => Ok(Duration::ZERO),
-            Step::Send(_)
-            | Step::Read(_)
-            | Step::Write(_)
-            | Step::Remap(_)
-            | Step::Defaults(_)
-            | Step::Nmt(_)
-            | Step::Wait(_)
-            | Step::Sync(_)
-            | Step::Produce(_)
-            | Step::Bench(_)
-            | Step::Partner(_)
-            | Step::Observe(_)
-            | Step::Eds(_)
-            | Step::Undeclared(_) => return None,
-        };
-        time.ok()
+        window(step, &self.scope, self.awaited)
     }
 
     pub(super) fn stimulate(&mut self, during: Option<&Produce>) -> Result<(), Trouble> {
@@ -673,7 +644,7 @@ pub(in crate::run) const fn is_reset(service: nmt::Service) -> bool {
 }
 
 /// Whether the frame is a request of a confirmed service, of SDO on a default identifier or of LSS.
-fn is_request(frame: &Frame) -> bool {
+pub(super) fn is_request(frame: &Frame) -> bool {
     const OF_SERVERS: std::ops::RangeInclusive<u16> =
         sdo::REQUEST_COB_ID + 1..=sdo::REQUEST_COB_ID + 0x7F;
     frame.data_id().is_some_and(|id| OF_SERVERS.contains(&id) || id == lss::REQUEST_COB_ID)
@@ -698,7 +669,7 @@ const fn waits_for_an_answer(step: &Step) -> bool {
 }
 
 /// Whether the step is transfers by the SDO client.
-const fn transfers(step: &Step) -> bool {
+pub(super) const fn transfers(step: &Step) -> bool {
     matches!(
         step,
         Step::Read(_) | Step::Write(_) | Step::Remap(_) | Step::Defaults(_) | Step::Undeclared(_)
