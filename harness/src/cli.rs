@@ -10,6 +10,7 @@ use std::num::NonZero;
 use std::path::PathBuf;
 
 use clap::{Arg, ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum};
+use clap_complete::Shell;
 use reports::{FORMATS, Format, Grade, RECORDINGS, Recording};
 use runner::waivers::{UNEXPLAINED, check_date};
 
@@ -89,6 +90,10 @@ pub enum Command {
     /// Prove that this program gives right verdicts on this machine, and say which of them it is
     /// too late for
     SelfTest(SelfTestArgs),
+    /// Print what a shell needs to complete commands and options
+    Completions(CompletionsArgs),
+    /// Write the manual pages into a folder, or print that of `harness`
+    Man(ManArgs),
 }
 
 /// After how many failures to stop. A run that stops before the first one tests nothing.
@@ -863,6 +868,21 @@ pub struct SelfTestArgs {
     #[arg(long, value_name = "BITS", requires = "target")]
     #[arg(value_parser = whole::<u32>(1..=1_000_000))]
     pub bitrate: Option<u32>,
+}
+
+/// Arguments of `completions`.
+#[derive(Debug, Args)]
+pub struct CompletionsArgs {
+    /// The shell
+    pub shell: Shell,
+}
+
+/// Arguments of `man`.
+#[derive(Debug, Args)]
+pub struct ManArgs {
+    /// The folder, which is made when it is not there; one page for each command
+    #[arg(value_name = "DIR")]
+    pub folder: Option<PathBuf>,
 }
 
 /// Arguments of `schema`.

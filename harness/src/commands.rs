@@ -5,6 +5,7 @@
 
 mod book;
 mod check;
+mod completions;
 mod counted;
 mod decode;
 mod dry_run;
@@ -14,6 +15,7 @@ mod explain;
 mod fuzz;
 mod init;
 mod list;
+mod man;
 mod monitor;
 mod planned;
 mod qualify;
@@ -60,6 +62,8 @@ pub fn run(cli: Cli) -> Exit {
         Some(Command::Init(args)) => init::run(&args, &stop),
         Some(Command::Schema(args)) => schema::run(&args),
         Some(Command::SelfTest(args)) => self_test::run(&args, &stop),
+        Some(Command::Completions(args)) => completions::run(&args),
+        Some(Command::Man(args)) => man::run(&args),
     });
     let exit = done.unwrap_or_else(|Refused { exit, message }| {
         complain!("{}", harmless(&message));

@@ -309,6 +309,35 @@ fn a_self_test_names_what_is_wrong_with_the_program() {
     assert!(text(&output.stdout).contains("devices    0 of 15 green"), "{}", text(&output.stdout));
 }
 
+/// Completions and pages are of the command line that there is.
+#[test]
+fn completions_and_manual_pages_know_every_command() {
+    let help = harness().arg("--help").output().unwrap();
+    let commands = text(&help.stdout).split_once("Commands:\n").unwrap().1;
+    let commands = commands.split_once("\n\n").unwrap().0;
+    let named = commands.lines().filter(|line| line.starts_with("  ") && !line.starts_with("   "));
+    let named: Vec<&str> = named.filter_map(|line| line.split_whitespace().next()).collect();
+    assert!(named.len() > 20 && named.contains(&"self-test"), "{named:?}");
+    for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
+        let output = harness().args(["completions", shell]).output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{shell}");
+        let missing = named.iter().find(|name| !text(&output.stdout).contains(**name));
+        assert_eq!(missing, None, "{shell}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let pages = folder.path().join("pages");
+    let output = harness().arg("man").arg(&pages).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", text_of(&output));
+    for name in named.iter().filter(|name| **name != "help") {
+        let page = fs::read_to_string(pages.join(format!("harness-{name}.1"))).unwrap();
+        assert!(page.contains(".SH SYNOPSIS"), "{name}");
+    }
+    let printed = harness().arg("man").output().unwrap();
+    let written = fs::read_to_string(pages.join("harness.1")).unwrap();
+    assert!(text(&printed.stdout).contains("7 the device did not come back"));
+    assert!(written.contains("7 the device did not come back"));
+}
+
 /// What a command printed, errors last.
 fn text_of(output: &Output) -> String {
     format!("{}{}", text(&output.stdout), text(&output.stderr))
