@@ -5,15 +5,13 @@
 //! lateness of the tester's own timers says which failures it could not decide here.
 
 mod clock;
+mod findings;
 mod real;
 mod verdicts;
-
-use std::fmt::Write;
 
 use runner::stop::Stop;
 use runner::suite::Library;
 
-use super::counted::counted;
 use crate::cli::SelfTestArgs;
 use crate::data;
 use crate::exit::{Exit, Refused};
@@ -22,17 +20,7 @@ use crate::reporter::say;
 use crate::source::Complaint;
 
 use clock::Clock;
-
-/// What the self-test found, as it is printed.
-#[derive(Default)]
-struct Findings {
-    /// The text.
-    text: String,
-    /// What is wrong with the verdicts of this program, a sentence each.
-    wrong: Vec<String>,
-    /// What this machine or its bus cannot be relied on for, a sentence each.
-    weak: Vec<String>,
-}
+use findings::Findings;
 
 /// Carries out the parts and prints what they found, each as soon as it is over.
 ///
@@ -63,38 +51,5 @@ fn of_the_program() -> Result<Library, Vec<Complaint>> {
     match data::folder() {
         None => Library::built_in(),
         Some(_) => Folders::default().load(),
-    }
-}
-
-impl Findings {
-    /// A line with the name of a part.
-    fn line(&mut self, part: &str, said: &str) {
-        // Writing to a string cannot fail.
-        _ = writeln!(self.text, "{part:<9}  {said}");
-    }
-
-    /// Prints the text so far.
-    fn print(&mut self) {
-        say(&std::mem::take(&mut self.text));
-    }
-
-    /// Prints the conclusion, and on standard error what is wrong.
-    fn end(&self, args: &SelfTestArgs) -> Exit {
-        let about = if args.in_process { "in virtual time" } else { "on this machine" };
-        let (exit, said) = match (&self.wrong[..], &self.weak[..]) {
-            ([], []) => (Exit::Green, format!("The verdicts of this program are right {about}.")),
-            ([], weak) => {
-                let count = counted(weak.len(), "limit");
-                (Exit::Bus, format!("This program is right, and this machine has {count}."))
-            }
-            (wrong, _) => {
-                let count = counted(wrong.len(), "thing");
-                (Exit::Holes, format!("Do not trust this program: {count} went wrong."))
-            }
-        };
-        say(&format!("\n{said}\n"));
-        self.wrong.iter().for_each(|wrong| complain!("wrong: {wrong}"));
-        self.weak.iter().for_each(|weak| complain!("limit: {weak}"));
-        exit
     }
 }

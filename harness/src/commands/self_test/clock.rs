@@ -6,7 +6,7 @@ use std::time::Duration;
 use canopen::{Bus, BusError};
 use runner::run::{Link, Policy, bears};
 
-use super::Findings;
+use super::findings::Findings;
 use crate::commands::counted::counted;
 use crate::commands::qualify::Clean;
 use crate::target::DEFAULT_BIT_RATE;

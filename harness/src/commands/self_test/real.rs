@@ -14,8 +14,8 @@ use runner::stop::Stop;
 use runner::suite::Library;
 use runner::waivers::Waivers;
 
-use super::Findings;
 use super::clock::waits;
+use super::findings::Findings;
 use crate::bus::Interface;
 use crate::cli::SelfTestArgs;
 use crate::commands::planned::plan_all;

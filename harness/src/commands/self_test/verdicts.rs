@@ -9,7 +9,7 @@ use reports::Verdict;
 use runner::parallel;
 use runner::suite::Library;
 
-use super::Findings;
+use super::findings::Findings;
 use crate::cli::SelfTestArgs;
 use crate::commands::check::mutants_proved_on;
 use crate::commands::counted::counted;
