@@ -862,7 +862,7 @@ fn a_case_bears_what_its_shortest_window_bears() {
     assert_eq!(bears(&heartbeat("20 ms")), and_frames(5));
     // A host that stands still spoils each failure.
     assert_eq!(bears(&heartbeat("5 s")), ms(100));
-    assert_eq!(bears("[read: { object: '1000', value: 0 }]"), ms(100));
+    assert_eq!(bears("[read: { object: '1000:00', value: 0 }]"), ms(100));
     // The request may be late, since its answer counts from its end.
     assert_eq!(bears("[send: '601#40 00 10 00 00 00 00 00']"), None);
     assert_eq!(bears("[send: '000#01 01', wait: 1 s]"), and_frames(5));
