@@ -338,6 +338,57 @@ fn completions_and_manual_pages_know_every_command() {
     assert!(written.contains("7 the device did not come back"));
 }
 
+/// A run that another version killed can be set back.
+#[test]
+fn an_undo_log_of_an_earlier_version_is_listed() {
+    let state = cli().join("kept-formats/state-of-0.1");
+    let output = harness().arg("restore").env("XDG_STATE_HOME", state).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", text_of(&output));
+    let said = text(&output.stdout);
+    for known in ["vcan0-node1-4194305", "drr460", "1017:00, 6423:00"] {
+        assert!(said.contains(known), "{said}");
+    }
+}
+
+/// A program that reads the report of an earlier version reads that of this one.
+#[test]
+fn the_report_for_programs_has_what_it_had_in_earlier_versions() {
+    let folder = cli().join("kept-formats/journal-of-0.1");
+    let kept = fs::read_to_string(folder.join("report.json")).unwrap();
+    let file = tempfile::tempdir().unwrap();
+    let path = file.path().join("report.json");
+    let output =
+        harness().arg("report").arg(folder.join("journal")).arg("--json").arg(&path).output();
+    assert!(path.exists(), "{}", text_of(&output.unwrap()));
+    let [kept, written] = [kept, fs::read_to_string(path).unwrap()]
+        .map(|text| serde_json::from_str::<serde_json::Value>(&text).unwrap());
+    let lost = lost(&kept, &written, "");
+    assert!(lost.is_empty(), "not in the report any more, or of another type: {lost:?}");
+}
+
+/// The paths that one value has and the other does not, or with another type of value.
+fn lost(kept: &serde_json::Value, written: &serde_json::Value, path: &str) -> Vec<String> {
+    use serde_json::Value::{Array, Null, Object};
+    match (kept, written) {
+        (Object(kept), Object(written)) => kept
+            .iter()
+            .flat_map(|(key, kept)| {
+                lost(kept, written.get(key).unwrap_or(&Null), &format!("{path}/{key}"))
+            })
+            .collect(),
+        (Array(kept), Array(written)) => {
+            let pairs = kept.iter().zip(written);
+            let deep = pairs.flat_map(|(kept, written)| lost(kept, written, path));
+            let fewer = (kept.len() > written.len()).then(|| path.to_owned());
+            deep.chain(fewer).collect()
+        }
+        (kept, written) if std::mem::discriminant(kept) == std::mem::discriminant(written) => {
+            Vec::new()
+        }
+        _ => vec![path.to_owned()],
+    }
+}
+
 /// What a command printed, errors last.
 fn text_of(output: &Output) -> String {
     format!("{}{}", text(&output.stdout), text(&output.stderr))
