@@ -13,6 +13,8 @@
 //! writes what was printed over what did not match; put the wildcards back and review it.
 
 mod common;
+#[path = "common/wildcards.rs"]
+mod wildcards;
 
 use std::fs;
 use std::io::Read as _;
@@ -25,6 +27,7 @@ use common::{harness, project};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use reports::{Keep, Run, Verdict};
+use wildcards::matches;
 
 #[test]
 fn every_folder() {
@@ -231,15 +234,6 @@ fn the_rig_in_the_manual_is_the_one_that_is_tested() {
     let rig = fs::read_to_string(cli().join("run/bench-rig/rig.sh")).unwrap();
     let manual = fs::read_to_string(project().join("suites/README.md")).unwrap();
     assert!(manual.contains(&format!("```sh\n{rig}```\n")), "suites/README.md shows another rig");
-}
-
-#[test]
-fn the_failure_in_the_readme_is_the_one_that_is_printed() {
-    let target = "sim:drr460?mutant=stop-ignored";
-    let output = harness().args(["cia301/nmt/stop", "--target", target]).output().unwrap();
-    let block = text(&output.stdout).split("\n\n").next().unwrap();
-    let readme = fs::read_to_string(project().join("README.md")).unwrap();
-    assert!(readme.contains(block), "README.md shows another failure than\n{block}");
 }
 
 #[test]
@@ -713,44 +707,6 @@ fn read(folder: &Path, name: impl AsRef<Path>) -> String {
     fs::read_to_string(folder.join(name)).unwrap_or_default()
 }
 
-/// Whether lines match, `{...}` any number of them.
-fn matches(expected: &[&str], got: &[&str]) -> bool {
-    match expected.split_first() {
-        None => got.is_empty(),
-        Some((&"{...}", rest)) => (0..=got.len()).any(|skipped| matches(rest, &got[skipped..])),
-        Some((line, rest)) => got
-            .split_first()
-            .is_some_and(|(first, others)| line_matches(line, first) && matches(rest, others)),
-    }
-}
-
-/// Whether a line matches, `{..}` any part of it.
-fn line_matches(expected: &str, got: &str) -> bool {
-    match expected.split_once("{..}") {
-        None => expected == got,
-        Some((start, rest)) => got.strip_prefix(start).is_some_and(|tail| {
-            let mut places = tail.char_indices().map(|(place, _)| place).chain([tail.len()]);
-            places.any(|place| line_matches(rest, &tail[place..]))
-        }),
-    }
-}
-
 fn text(bytes: &[u8]) -> &str {
     std::str::from_utf8(bytes).expect("the program writes UTF-8")
-}
-
-#[test]
-fn wildcards() {
-    let lines = |text: &'static str| text.lines().collect::<Vec<_>>();
-    for (expected, got, same) in [
-        ("a {..} c", "a b c", true),
-        ("a {..} c", "a c", false),
-        ("a{..}", "a", true),
-        ("a\n{...}\nd", "a\nb\nc\nd", true),
-        ("a\n{...}\nd", "a\nd", true),
-        ("a\n{...}\nd", "a\nb\nc", false),
-        ("a", "a\nb", false),
-    ] {
-        assert_eq!(matches(&lines(expected), &lines(got)), same, "{expected:?} {got:?}");
-    }
 }

@@ -1,0 +1,32 @@
+"""A preprocessor of mdBook: links that leave the book lead to the files of the project.
+
+On a server of GitHub these are the files of the commit, elsewhere those of the checkout.
+"""
+
+import json
+import os
+import pathlib
+import re
+import sys
+
+
+def project():
+    server, name = os.environ.get("GITHUB_SERVER_URL"), os.environ.get("GITHUB_REPOSITORY")
+    if server and name:
+        return f"{server}/{name}/blob/{os.environ.get('GITHUB_SHA', 'main')}/"
+    return pathlib.Path(__file__).resolve().parent.parent.as_uri() + "/"
+
+
+def lead_out(items, root):
+    for item in items:
+        if chapter := isinstance(item, dict) and item.get("Chapter"):
+            text = re.sub(r"(!\[[^\]]*\]\()\.\./\.\./([^)#]+)", rf"\1{root}\2?raw=true", chapter["content"])
+            chapter["content"] = re.sub(r"(\]\()\.\./\.\./", rf"\1{root}", text)
+            lead_out(chapter["sub_items"], root)
+
+
+if sys.argv[1:2] == ["supports"]:
+    sys.exit(0 if sys.argv[2] == "html" else 1)
+context, book = json.load(sys.stdin)
+lead_out(book.get("sections") or book.get("items"), project())
+json.dump(book, sys.stdout)
