@@ -15,10 +15,12 @@ pub(crate) fn exit_code(line: &str) -> i32 {
 
 /// The arguments of each start of the program in a line.
 pub(crate) fn invocations(line: &str) -> Vec<Vec<String>> {
-    let words = shlex::split(line).unwrap_or_else(|| panic!("no shell reads {line}"));
+    let words = shlex::split(&line.replace("\\\n", " "));
+    let words = words.unwrap_or_else(|| panic!("no shell reads {line}"));
     // `sh -c '...'` and programs behind `exec:` are lines, too.
-    let nested = words.iter().filter(|word| word.contains("harness ") && !word.starts_with("exec"));
-    let mut found: Vec<_> = nested.flat_map(|word| invocations(word)).collect();
+    let nested = words.iter().filter(|word| word.contains("harness "));
+    let nested = nested.map(|word| word.strip_prefix("exec:").unwrap_or(word));
+    let mut found: Vec<_> = nested.flat_map(invocations).collect();
     let ended = words.iter().flat_map(|word| match word.strip_suffix(';') {
         Some(word) => vec![word, ";"],
         None => vec![word.as_str()],
@@ -49,7 +51,9 @@ fn arguments<'a, 'b>(words: &'a [&'b str]) -> Option<&'a [&'b str]> {
 
 /// What the command line does not know in these arguments.
 pub(crate) fn complaint(words: &[String]) -> Option<String> {
-    let error = Cli::try_parse_from([&["harness".to_owned()], words].concat()).err()?;
+    // What a shell puts in place of a variable is a number in this guide.
+    let words: Vec<String> = words.iter().map(|word| word.replace("$shard", "1")).collect();
+    let error = Cli::try_parse_from([&["harness".to_owned()], &words[..]].concat()).err()?;
     let is_answer = matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion);
     (!is_answer).then(|| format!("harness {}\n{error}", words.join(" ")))
 }
@@ -57,7 +61,7 @@ pub(crate) fn complaint(words: &[String]) -> Option<String> {
 /// The same of code in a sentence, which may leave out what is needed.
 pub(crate) fn complaint_about_code(code: &str) -> Option<String> {
     if let Some(flag) = code.split([' ', '=']).next().filter(|word| word.starts_with("--")) {
-        let is_known = OPTIONS.contains(flag) || OF_OTHERS.contains(&flag);
+        let is_known = flag == "--" || OPTIONS.contains(flag) || OF_OTHERS.contains(&flag);
         return (!is_known).then(|| format!("no command has `{flag}`"));
     }
     let words = shlex::split(code).filter(|_| code.starts_with("harness "))?;
@@ -68,7 +72,6 @@ pub(crate) fn complaint_about_code(code: &str) -> Option<String> {
     let unknown = [
         ErrorKind::UnknownArgument,
         ErrorKind::InvalidSubcommand,
-        ErrorKind::InvalidValue,
         ErrorKind::ValueValidation,
     ];
     unknown.contains(&error.kind()).then(|| format!("`{code}`\n{error}"))

@@ -26,7 +26,7 @@ use std::sync::Mutex;
 use std::thread;
 
 use common::{harness, project};
-use markdown::{Block, Page};
+use markdown::Page;
 use wildcards::matches;
 
 #[test]
