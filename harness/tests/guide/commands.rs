@@ -43,9 +43,8 @@ fn arguments<'a, 'b>(words: &'a [&'b str]) -> Option<&'a [&'b str]> {
     }
     let place = words.iter().position(is_program)?;
     let before = ["sudo", "nice", "-n", "time", "scripts/with-vcan"];
-    let leads = |word: &&str| {
-        before.contains(word) || word.contains('=') || word.parse::<i32>().is_ok()
-    };
+    let leads =
+        |word: &&str| before.contains(word) || word.contains('=') || word.parse::<i32>().is_ok();
     words[..place].iter().all(leads).then(|| &words[place + 1..])
 }
 
@@ -69,11 +68,8 @@ pub(crate) fn complaint_about_code(code: &str) -> Option<String> {
         return None;
     }
     let error = Cli::try_parse_from(words).err()?;
-    let unknown = [
-        ErrorKind::UnknownArgument,
-        ErrorKind::InvalidSubcommand,
-        ErrorKind::ValueValidation,
-    ];
+    let unknown =
+        [ErrorKind::UnknownArgument, ErrorKind::InvalidSubcommand, ErrorKind::ValueValidation];
     unknown.contains(&error.kind()).then(|| format!("`{code}`\n{error}"))
 }
 
@@ -104,9 +100,10 @@ fn a_line_is_read_as_a_shell_reads_it() {
         ("FORCE=1 nice -n 10 harness -q | head -3", vec!["-q"]),
         ("candump -L can0 | harness decode - > words.txt", vec!["decode -"]),
         ("harness book > book.md && harness trace; ls", vec!["book", "trace"]),
-        ("scripts/with-vcan sh -c 'harness serve drr460 --target vcan0 & kill $!'", vec![
-            "serve drr460 --target vcan0",
-        ]),
+        (
+            "scripts/with-vcan sh -c 'harness serve drr460 --target vcan0 & kill $!'",
+            vec!["serve drr460 --target vcan0"],
+        ),
         ("cargo install --path harness", vec![]),
         ("for n in 1 2; do\n  harness --shard $n/2 &\ndone", vec!["--shard $n/2"]),
     ] {
