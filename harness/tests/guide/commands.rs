@@ -63,11 +63,11 @@ pub(crate) fn complaint_about_code(code: &str) -> Option<String> {
         let is_known = flag == "--" || OPTIONS.contains(flag) || OF_OTHERS.contains(&flag);
         return (!is_known).then(|| format!("no command has `{flag}`"));
     }
-    let words = shlex::split(code).filter(|_| code.starts_with("harness "))?;
-    if words.iter().any(|word| word.contains("...") || word == "|") {
+    if !code.starts_with("harness ") || code.contains("...") {
         return None;
     }
-    let error = Cli::try_parse_from(words).err()?;
+    let words = invocations(code).concat();
+    let error = Cli::try_parse_from([&["harness".to_owned()], &words[..]].concat()).err()?;
     let unknown =
         [ErrorKind::UnknownArgument, ErrorKind::InvalidSubcommand, ErrorKind::ValueValidation];
     unknown.contains(&error.kind()).then(|| format!("`{code}`\n{error}"))

@@ -8,7 +8,7 @@
 //! | any other that begins with `# PATH` | a file of that folder |
 //!
 //! In prose, `` `harness ...` `` and `` `--option` `` name what the command line has, and a link
-//! leads to a file or a heading that there is, in each README as well.
+//! leads to a file or a heading that there is. The READMEs of all folders are read, too.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -50,8 +50,9 @@ fn every_command_does_what_the_guide_says() {
 fn every_command_is_one_of_the_command_line() {
     let mut commands = 0;
     let mut wrong = Vec::new();
-    for page in guide() {
-        for block in page.blocks.iter().filter(|block| block.is("sh")) {
+    for page in guide().into_iter().chain(readmes()) {
+        let of_shell = page.blocks.iter().filter(|block| block.is("sh"));
+        for block in of_shell.filter(|block| block.text.contains("harness ")) {
             for (line, text) in block.lines() {
                 for words in commands::invocations(&text) {
                     commands += 1;
@@ -60,7 +61,10 @@ fn every_command_is_one_of_the_command_line() {
                 }
             }
         }
-        for (line, code) in &page.codes {
+        // Scripts in other folders have options of their own.
+        let is_guide = page.file == "README.md" || page.file.starts_with("docs/");
+        for (line, code) in page.codes.iter().filter(|(_, code)| is_guide || code.starts_with('h'))
+        {
             let complaint = commands::complaint_about_code(code);
             wrong.extend(complaint.map(|what| format!("{}:{line}: {what}", page.file)));
         }
@@ -125,6 +129,14 @@ fn guide() -> Vec<Page> {
     let chapters = summary.links.iter().map(|(_, link)| format!("docs/src/{link}"));
     let files = [String::from("README.md"), String::from("docs/README.md")];
     files.into_iter().chain(chapters).map(|file| Page::read(&project(), &file)).collect()
+}
+
+/// Those of the folders, which show commands as well.
+fn readmes() -> Vec<Page> {
+    let files = files(&project());
+    let files =
+        files.iter().filter(|file| file.ends_with("/README.md") && *file != "docs/README.md");
+    files.map(|file| Page::read(&project(), file)).collect()
 }
 
 /// Does what a page says, and returns what was otherwise.
