@@ -2,10 +2,13 @@
 //!
 //! | block | what becomes of it |
 //! |---|---|
-//! | `sh` | its commands run one after the other, in a folder of the chapter; each ends with exit code 0, or with the one that a comment says: `# exit code 1` |
+//! | `sh` | its commands run one after the other, in a folder of the chapter |
 //! | `sh,needs=WHAT` | its commands are read by the command line, and do not run |
-//! | `text` after `sh` | what the last command printed; `{..}` is any part of a line, and a line `...` any lines |
+//! | `text` after `sh` | what the last command printed |
 //! | any other that begins with `# PATH` | a file of that folder |
+//!
+//! A command ends with exit code 0, or with the one that a comment says: `# exit code 1`. In what is
+//! printed, `{..}` is any part of a line, and a line `...` any lines.
 //!
 //! In prose, `` `harness ...` `` and `` `--option` `` name what the command line has, and a link
 //! leads to a file or a heading that there is. The READMEs of all folders are read, too.
@@ -26,7 +29,7 @@ use std::sync::Mutex;
 use std::thread;
 
 use common::{harness, project};
-use markdown::Page;
+use markdown::{Block, Page};
 use wildcards::matches;
 
 #[test]
@@ -71,6 +74,28 @@ fn every_command_is_one_of_the_command_line() {
     }
     assert!(commands >= 100, "only {commands} commands were found");
     assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+}
+
+#[test]
+fn every_case_that_the_guide_names_is_there() {
+    let mut names = BTreeSet::new();
+    for page in guide() {
+        let blocks = page.blocks.iter().filter(|block| block.is("sh"));
+        let lines = blocks.flat_map(Block::lines).map(|(_, line)| line);
+        let words = lines.flat_map(|line| shlex::split(&line).unwrap_or_default());
+        let codes = page.codes.iter().flat_map(|(_, code)| code.split(' ').map(str::to_owned));
+        names.extend(words.chain(codes).filter(|word| is_in_suites(word)));
+    }
+    assert!(names.len() >= 10, "only {names:?}");
+    let output = harness().arg("list").args(&names).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_ne!(output.status.code(), Some(2), "{said}");
+}
+
+/// Whether it is written as a suite or a case of the program is: `cia301/nmt`.
+fn is_in_suites(word: &str) -> bool {
+    let folder = word.split_once('/').map_or("", |(folder, _)| folder);
+    !folder.is_empty() && !word.contains('.') && project().join("suites").join(folder).is_dir()
 }
 
 #[test]
