@@ -7,8 +7,8 @@
 //! | `text` after `sh` | what the last command printed |
 //! | any other that begins with `# PATH` | a file of that folder |
 //!
-//! A command ends with exit code 0, or with the one that a comment says: `# exit code 1`. In what is
-//! printed, `{..}` is any part of a line, and a line `...` any lines.
+//! A command ends with exit code 0, or with the one that a comment says: `# exit code 1`. Of
+//! what is printed, `{..}` is any part of a line, and a line `...` any lines.
 //!
 //! In prose, `` `harness ...` `` and `` `--option` `` name what the command line has, and a link
 //! leads to a file or a heading that there is. The READMEs of all folders are read, too.
