@@ -2,95 +2,18 @@
 
 use std::collections::{BTreeSet, VecDeque};
 
-use canopen::{Bus, BusError, Mux};
-use reference_devices::change::Replica;
+use canopen::{BusError, Mux};
 use rustc_hash::FxHashSet;
 
 use crate::belief::{Belief, Judged};
 use crate::blueprint::Blueprint;
 use crate::diagnosis::{Log, Suspect, dissenting, explains, suspects};
 use crate::explore::{Coverage, Sights};
-use crate::oracle::{End, Oracle, Seen, Violation, What};
+use crate::finding::Finding;
+use crate::oracle::{End, Oracle, Seen, Violation};
 use crate::session::{Goal, Played, Script, Session};
+use crate::stage::Stage;
 use crate::together::{Lesson, together};
-
-/// Where sessions are played: a simulated device, or one on a bus.
-pub trait Stage {
-    /// Plays a session beside a model.
-    ///
-    /// # Errors
-    /// Whatever the bus reports.
-    fn play(
-        &mut self,
-        blueprint: &Blueprint,
-        model: Box<dyn Replica>,
-        script: &Script<'_>,
-    ) -> Result<Played, BusError>;
-
-    /// How often a session in which something was wrong is played again, and must be wrong again:
-    /// never in virtual time.
-    fn repeats(&self) -> u32 {
-        0
-    }
-
-    /// Whether the last session reached code of the device that none before had; never when that is
-    /// not known.
-    fn reached_more(&mut self) -> bool {
-        false
-    }
-
-    /// What the device said before it ended, when it is a program that says why.
-    fn last_words(&mut self) -> Option<String> {
-        None
-    }
-
-    /// Lets something be done on a bus with the device running.
-    ///
-    /// # Errors
-    /// Whatever the bus or what is done reports.
-    fn ask(&mut self, what: Ask<'_>) -> Result<(), BusError>;
-}
-
-/// Something that is done on a bus.
-pub type Ask<'a> = &'a mut dyn FnMut(&mut dyn Bus) -> Result<(), BusError>;
-
-/// Something wrong that no freedom explains.
-#[derive(Clone, Debug)]
-pub struct Finding {
-    /// The number of its session.
-    pub number: u64,
-    /// What was done.
-    pub session: Session,
-    /// What was seen.
-    pub seen: Vec<Seen>,
-    /// What is wrong.
-    pub violation: Violation,
-    /// What the device, a program, said before it ended.
-    pub said: Option<String>,
-    /// The freedoms that it was believed to use then, by their places in the blueprint.
-    pub used: Vec<usize>,
-}
-
-impl Finding {
-    /// What was wrong in the session that a stage has just played.
-    pub fn new(
-        number: u64,
-        session: Session,
-        seen: Vec<Seen>,
-        violation: Violation,
-        stage: &mut dyn Stage,
-    ) -> Self {
-        let ended = matches!(violation.what, What::Ended(_));
-        let said = if ended { stage.last_words() } else { None };
-        Self { number, session, seen, violation, said, used: Vec::new() }
-    }
-
-    /// The same on a device that was believed to use these freedoms.
-    #[must_use]
-    pub fn believed(self, used: Vec<usize>) -> Self {
-        Self { used, ..self }
-    }
-}
 
 /// What a campaign has shown so far.
 #[derive(Clone, Debug, Default)]

@@ -17,7 +17,8 @@ use canopen::{Data, Frame, Instant, Mux, NmtState, Stamped};
 
 use crate::belief::{Belief, Judged};
 use crate::blueprint::Blueprint;
-use crate::campaign::{Campaign, Finding};
+use crate::campaign::Campaign;
+use crate::finding::Finding;
 use crate::oracle::{End, Oracle, Seen, Violation, What, error_control};
 use crate::session::{BOOTED, Session};
 

@@ -8,9 +8,10 @@ use canopen::nmt::{Command, Service};
 
 use crate::action::{Action, Kind, Then};
 use crate::blueprint::Blueprint;
-use crate::campaign::{Finding, Stage};
+use crate::finding::Finding;
 use crate::oracle::{End, error_control};
 use crate::session::{Played, Script, Session, judge};
+use crate::stage::Stage;
 
 /// A session that taught something, and its number.
 #[derive(Clone, Debug)]

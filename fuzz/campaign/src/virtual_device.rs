@@ -6,8 +6,8 @@ use canopen::{Bus, BusError, Device, Instant, VirtualBus};
 use reference_devices::change::Replica;
 
 use crate::blueprint::Blueprint;
-use crate::campaign::{Ask, Stage};
 use crate::session::{self, Played, Script};
+use crate::stage::{Ask, Stage};
 
 /// A device in virtual time.
 #[derive(Clone)]

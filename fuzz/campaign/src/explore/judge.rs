@@ -277,8 +277,8 @@ impl<'s> Judge<'s> {
         })
     }
 
-    /// Whether a replica shows that within two seconds. What blinks or switches in a cycle is looked
-    /// at by chance, and its phase is that of a device in its own time.
+    /// Whether a replica shows that within two seconds. What blinks or switches in a cycle is
+    /// looked at by chance, and its phase is that of a device in its own time.
     fn shows_about(&self, place: usize, at: Instant, name: &str, value: &Value) -> bool {
         if !self.own_time {
             return false;
