@@ -22,6 +22,7 @@ pub(crate) struct Lesson {
 
 /// How many sessions are played before the one in which something was wrong.
 const MOST: usize = 4;
+
 /// A finding as it is where it shows in its own session; otherwise after the lessons that it
 /// contradicts, one of which was about something wrong.
 ///

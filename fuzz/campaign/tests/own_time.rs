@@ -189,16 +189,20 @@ fn campaign(place: &mut Place, blueprint: Blueprint, sessions: u64) -> (Vec<Find
     (findings, campaign.tally().undecided)
 }
 
+/// Nothing was found, and few sessions are undecided.
+fn nothing(name: &str, sessions: u64, (findings, undecided): &(Vec<Finding>, u64)) {
+    let text = |it: &Finding| format!("session {}: {}", it.number, it.violation);
+    let found: Vec<String> = findings.iter().map(text).collect();
+    assert!(found.is_empty(), "{name}: {found:#?}");
+    assert!(undecided * 20 <= sessions, "{name}: {undecided} undecided");
+}
+
 #[test]
 fn nothing_is_found_on_a_device_in_its_own_time() {
     const SESSIONS: u64 = 60;
     for name in ["generic", "em66"] {
         let device = devices::device(name).unwrap();
-        let (findings, undecided) = fuzzed(&device, &Deviation::default(), SESSIONS);
-        let text = |it: &Finding| format!("session {}: {}", it.number, it.violation);
-        let found: Vec<String> = findings.iter().map(text).collect();
-        assert!(found.is_empty(), "{name}: {found:#?}");
-        assert!(undecided * 20 <= SESSIONS, "{name}: {undecided} undecided");
+        nothing(name, SESSIONS, &fuzzed(&device, &Deviation::default(), SESSIONS));
     }
 }
 
@@ -218,11 +222,7 @@ fn an_exploration_finds_nothing_on_a_device_in_its_own_time() {
     const SESSIONS: u64 = 60;
     for name in ["drr460", "em66", "ax021211", "mcm260x-1ad", "mcm260x-5ad", "mcm260x-9ad"] {
         let device = devices::device(name).unwrap();
-        let (findings, undecided) = explored(&device, &Deviation::default(), SESSIONS);
-        let text = |it: &Finding| format!("session {}: {}", it.number, it.violation);
-        let found: Vec<String> = findings.iter().map(text).collect();
-        assert!(found.is_empty(), "{name}: {found:#?}");
-        assert!(undecided * 20 <= SESSIONS, "{name}: {undecided} undecided");
+        nothing(name, SESSIONS, &explored(&device, &Deviation::default(), SESSIONS));
     }
 }
 
