@@ -37,8 +37,8 @@ const SHIFTS_ON_BUS: [Shift; 10] = [
     [-6_000_000, 6_000_000],
     [6_000_000, -6_000_000],
 ];
-/// How far the phase of what blinks, or is switched in a cycle, may be another one, and how closely
-/// that is looked at. Three flashes and their pause take two seconds (CiA 303-3).
+/// How far the phase of an LED that blinks may be another one, and how closely that is looked at.
+/// Three flashes and their pause take two seconds (CiA 303-3).
 const PHASE: Duration = Duration::from_secs(2);
 const PHASE_STEP: Duration = Duration::from_millis(10);
 /// How long a frame of a device in a time of its own may wait.
@@ -261,8 +261,9 @@ impl<'s> Judge<'s> {
             other.lane.pass(at);
             band.extend(other.lane.observe(name));
         }
-        let is_wide = !name.starts_with("digital-") && !name.contains("led");
-        if lies_in(value, &band, is_wide) || !is_wide && self.shows_about(place, at, name, value) {
+        let is_led = name.contains("led");
+        let is_wide = !name.starts_with("digital-") && !is_led;
+        if lies_in(value, &band, is_wide) || is_led && self.shows_about(place, at, name, value) {
             return None;
         }
         let known = expected.clone();
@@ -277,8 +278,8 @@ impl<'s> Judge<'s> {
         })
     }
 
-    /// Whether a replica shows that within two seconds. What blinks or switches in a cycle is
-    /// looked at by chance, and its phase is that of a device in its own time.
+    /// Whether an LED of a replica shows that within two seconds. One that blinks is looked at by
+    /// chance, and its phase is that of a device in its own time.
     fn shows_about(&self, place: usize, at: Instant, name: &str, value: &Value) -> bool {
         if !self.own_time {
             return false;
