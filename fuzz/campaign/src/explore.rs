@@ -6,11 +6,13 @@
 //! reference device shows that gets the same frames and the same stimuli at the same times.
 
 mod align;
+mod band;
 mod coverage;
 mod draw;
 mod judge;
 mod lane;
 mod play;
+mod shift;
 mod sights;
 
 pub use coverage::{Coverage, Pair, Tried};

@@ -62,6 +62,23 @@ pub enum Seen {
     Looked(Instant),
 }
 
+impl Seen {
+    /// When it happened. A look at stored values comes before all else.
+    pub const fn at(&self) -> Instant {
+        match self {
+            Self::Frame(stamped) => stamped.at,
+            Self::Power(at, _)
+            | Self::Until(at)
+            | Self::Ended(at)
+            | Self::Stimulus(at, ..)
+            | Self::Observed(at, ..)
+            | Self::Looked(at)
+            | Self::Joined(at) => *at,
+            Self::Stored(..) => Instant::ZERO,
+        }
+    }
+}
+
 /// What is wrong with a device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Violation {

@@ -36,6 +36,9 @@ pub(super) struct NodeFacts {
     time_interval: Option<At<Mux>>,
     /// Settings by which the device learns something that lasts until it learns again.
     learns_by: Vec<At<Mux>>,
+    /// Settings with the values by which the device moves something that stays where it is when
+    /// the device restarts.
+    moves_by: BTreeMap<Mux, Vec<i64>>,
     /// Second addresses of an object, each with the address of its value.
     aliases: BTreeMap<Mux, At<Mux>>,
     /// How the period of SYNC is supervised, where that differs from CiA 301.
@@ -155,6 +158,7 @@ impl NodeFacts {
             clock: self.clock.or(other.clock),
             time_interval: self.time_interval.or(other.time_interval),
             learns_by: if self.learns_by.is_empty() { other.learns_by } else { self.learns_by },
+            moves_by: if self.moves_by.is_empty() { other.moves_by } else { self.moves_by },
             aliases,
             sync: self.sync.or(other.sync),
             block_transfer: self.block_transfer.or(other.block_transfer),
@@ -216,6 +220,7 @@ pub(super) fn settings(node: &NodeFacts, emcy: Option<&EmcyFacts>) -> NodeSettin
         clock_object: value(&node.clock),
         time_interval_object: value(&node.time_interval),
         learns_by: node.learns_by.iter().map(|at| at.value).collect(),
+        moves_by: node.moves_by.clone(),
         sync_supervision: node.sync.as_ref().map_or(usual.sync_supervision, |sync| {
             let resolution = Duration::from_millis(sync.resolution_ms);
             Some(SyncSupervision { percent: sync.percent, resolution })

@@ -52,6 +52,9 @@ pub struct NodeSettings {
     pub time_interval_object: Option<Mux>,
     /// Settings by which the device learns something that lasts until it learns again.
     pub learns_by: Vec<Mux>,
+    /// Settings with the values by which the device moves something that stays where it is when
+    /// the device restarts.
+    pub moves_by: BTreeMap<Mux, Vec<i64>>,
     /// Second doors: the network's access to the first address goes to the second one.
     pub aliases: Vec<(Mux, Mux)>,
     /// The values stored before the device was switched on for the first time.
@@ -146,6 +149,7 @@ impl Default for NodeSettings {
             clock_object: None,
             time_interval_object: None,
             learns_by: Vec::new(),
+            moves_by: BTreeMap::new(),
             aliases: Vec::new(),
             stored: BTreeMap::new(),
         }

@@ -7,7 +7,6 @@ use std::time::Duration;
 use canopen::{Instant, Stamped};
 use reference_devices::change::Replica;
 
-use super::judge::instant;
 use crate::model::Model;
 use crate::oracle::{Seen, boots_in, error_control, is_reset};
 
@@ -77,7 +76,7 @@ fn later(seen: &Seen) -> Seen {
 fn start(model: &mut Model, node: u8, at: Instant, place: Option<usize>, all: &mut Vec<Seen>) {
     let earlier = |takes: Duration| Instant(at.0.saturating_sub(takes.as_nanos() as u64));
     // What it sends until then is no boot-up that follows.
-    let since = place.map(|place| instant(&all[place]));
+    let since = place.map(|place| all[place].at());
     since.into_iter().for_each(|since| advance(model, since));
     match place.map(|place| (place, all[place].clone())) {
         None => {

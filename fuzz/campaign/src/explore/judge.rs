@@ -11,40 +11,21 @@ use canopen::{Frame, Id, Instant, Mux, Value};
 use reference_devices::change::Replica;
 
 use super::align::{LEAD, aligned};
-use super::lane::{Lane, Sent};
+use super::band::{lies_among, lies_in};
+use super::lane::{GRACE, Lane, Sent};
+use super::shift::{SHIFTS, SHIFTS_ON_BUS, Shift, Shifted};
 use crate::blueprint::Blueprint;
-use crate::oracle::{Difference, End, Seen, Violation, What, error_control};
+use crate::oracle::{Difference, End, Seen, Violation, What};
 use crate::surface::Surface;
 
 /// A control cycle: what a device does within it, before or after it notices, nobody knows.
 pub(super) const CYCLE: Duration = Duration::from_millis(100);
-/// By how many nanoseconds everything comes later for the other replicas: every other frame or
-/// stimulus, and those between them.
-type Shift = [i64; 2];
-const CYCLES: i64 = CYCLE.as_nanos() as i64;
-const SHIFTS: [Shift; 2] = [[-CYCLES; 2], [CYCLES; 2]];
-/// The same for a device in a time of its own: what blinks changes within a cycle, and what it gets
-/// may come a moment before or after what it does by itself.
-const SHIFTS_ON_BUS: [Shift; 10] = [
-    [-CYCLES; 2],
-    [CYCLES; 2],
-    [-50_000_000; 2],
-    [50_000_000; 2],
-    [-25_000_000; 2],
-    [25_000_000; 2],
-    [-10_000_000; 2],
-    [10_000_000; 2],
-    [-6_000_000, 6_000_000],
-    [6_000_000, -6_000_000],
-];
 /// How far the phase of an LED that blinks may be another one, and how closely that is looked at.
 /// Three flashes and their pause take two seconds (CiA 303-3).
 const PHASE: Duration = Duration::from_secs(2);
 const PHASE_STEP: Duration = Duration::from_millis(10);
 /// How long a frame of a device in a time of its own may wait.
 const GRACE_ON_BUS: Duration = Duration::from_millis(200);
-/// How long a frame may wait for the wire.
-pub(super) const GRACE: Duration = Duration::from_millis(20);
 
 /// Judges what was seen. Returns how far it goes, and what is wrong then.
 pub(crate) fn judge(
@@ -59,7 +40,7 @@ pub(crate) fn judge(
     let mut judge = Judge::new(blueprint, surface, model, all);
     for (place, what) in all.iter().enumerate() {
         if let Some(difference) = judge.see(place) {
-            let at = instant(what);
+            let at = what.at();
             let at = if own_time { Instant(at.0.saturating_sub(LEAD)) } else { at };
             let what = What::Differs(Box::new(difference));
             // What the alignment added stands at the front.
@@ -93,14 +74,6 @@ struct Judge<'s> {
     last_look: Instant,
 }
 
-/// A replica for which what the tester did came at other times.
-struct Shifted {
-    lane: Lane,
-    /// The times, and the places of what came.
-    events: Vec<(Instant, usize)>,
-    next: usize,
-}
-
 impl<'s> Judge<'s> {
     fn new(
         blueprint: &Blueprint,
@@ -109,7 +82,7 @@ impl<'s> Judge<'s> {
         seen: &'s [Seen],
     ) -> Self {
         let node = blueprint.node();
-        let first = Lane::new(model.clone(), node);
+        let first = Lane::new(model.clone(), node, 0);
         let own_time = blueprint.is_in_its_own_time();
         let grace = if own_time { GRACE_ON_BUS } else { GRACE };
         Self {
@@ -284,7 +257,7 @@ impl<'s> Judge<'s> {
         if !self.own_time {
             return false;
         }
-        let mut replica = Shifted::new(self.seen, self.model.clone(), self.node, [0; 2]);
+        let mut replica = Shifted::new(self.seen, self.model.clone(), self.node, Shift::NONE);
         let first = at.0.saturating_sub(PHASE.as_nanos() as u64);
         let mut times = (0..).map(|step| Instant(first) + PHASE_STEP * step);
         let mut within = times.by_ref().take_while(|time| time.since(at) <= PHASE);
@@ -359,29 +332,45 @@ impl<'s> Judge<'s> {
         frames: &[&Frame],
     ) -> Option<Difference> {
         let (last_look, grace, own_time) = (self.last_look, self.grace, self.own_time);
+        let last = frames.last().copied();
+        let is_carried = |sent: &Sent| sent.at <= last_look || sent.may_be_lost;
+        // The last frame of a replica, and those that the device may have yet to send.
+        let may_be_last = |lane: &Lane| {
+            let sent: Vec<Frame> = lane.sent(id).map(|sent| sent.frame).collect();
+            let carried = lane.sent(id).filter(|sent| is_carried(sent)).count();
+            let waiting = lane.sent(id).filter(|sent| sent.at + grace >= at).count();
+            let first = sent.len().saturating_sub(waiting + carried + 1);
+            (sent, first, waiting + carried)
+        };
         let shows = |lane: &Lane| {
             if lane.is_error_control(id) {
                 // The boot-up message is waited for.
                 return true;
             }
-            let sent: Vec<&Sent> = lane.sent(id).collect();
-            let last = frames.last().copied();
-            let carried = sent.iter().filter(|sent| sent.at <= last_look || sent.may_be_lost);
-            let carried = carried.count();
-            let count = sent.len();
-            let waiting = sent.iter().filter(|sent| sent.at + grace >= at).count();
-            let enough = frames.len() + waiting + carried >= count && frames.len() <= count;
-            let same = |last: &Frame| {
-                sent.iter().rev().take(waiting + carried + 1).any(|it| it.frame == *last)
-            };
+            let (sent, first, open) = may_be_last(lane);
+            let enough = frames.len() + open >= sent.len() && frames.len() <= sent.len();
             // How often a device in its own time notices what moves, nobody knows.
-            (enough || own_time) && last.is_none_or(same)
+            (enough || own_time) && last.is_none_or(|last| sent[first..].contains(last))
         };
         if shows(&self.first) {
             return None;
         }
         if self.others(place, at).iter().any(|other| shows(&other.lane)) {
             return None;
+        }
+        if let Some(last) = last.filter(|_| own_time) {
+            let first = std::iter::once(&self.first);
+            let lanes = first.chain(self.others.iter().flatten().map(|other| &other.lane));
+            let known: Vec<Frame> = lanes
+                .flat_map(|lane| {
+                    let (sent, first, _) = may_be_last(lane);
+                    sent.into_iter().skip(first)
+                })
+                .collect();
+            // What moves is somewhere between where it is for the replicas.
+            if lies_among(last, &known, self.first.dictionary()) {
+                return None;
+            }
         }
         let (count, last) = (self.first.sent(id).count(), self.first.sent(id).last());
         let words = |count: usize, last: Option<Frame>| match last {
@@ -431,118 +420,6 @@ impl<'s> Judge<'s> {
     }
 }
 
-impl Shifted {
-    fn new(seen: &[Seen], model: Box<dyn Replica>, node: u8, by: Shift) -> Self {
-        Self { lane: Lane::new(model, node), events: shifted(seen, by, node), next: 0 }
-    }
-
-    /// Takes what comes by the time of what was seen at this place.
-    fn follow(&mut self, seen: &[Seen], place: usize, to: Instant) {
-        while let Some((at, what)) = self.events.get(self.next).copied() {
-            let is_read = is_read(&seen[what]);
-            if at > to || is_read && what > place {
-                break;
-            }
-            if is_read {
-                while self.lane.answer().is_some() {}
-            }
-            self.lane.give(at, &seen[what]);
-            self.next += 1;
-        }
-    }
-}
-
-/// What the tester did, at other times: nothing passes a look, nor the first boot-up, which is at
-/// the same time for each replica.
-fn shifted(seen: &[Seen], by: Shift, node: u8) -> Vec<(Instant, usize)> {
-    let moved = |at: Instant, number: usize| Instant(at.0.saturating_add_signed(by[number % 2]));
-    let is_look = |what: &Seen| is_read(what) || matches!(what, Seen::Observed(..));
-    let mut events: Vec<(Instant, usize)> = Vec::new();
-    let first_boot = boot_by_itself(seen, node);
-    let mut last = Instant::ZERO;
-    for (place, what) in seen.iter().enumerate() {
-        if let Some(boot) = first_boot.filter(|boot| *boot <= instant(what)) {
-            last = last.max(boot);
-        }
-        if is_look(what) {
-            last = last.max(instant(what));
-        }
-        if is_own(what) {
-            let at = if is_read(what) {
-                instant(what)
-            } else {
-                moved(instant(what), events.len()).max(last)
-            };
-            last = last.max(at);
-            events.push((at, place));
-        }
-    }
-    // What came later than a look that follows comes just before it.
-    let mut next = Instant(u64::MAX);
-    let mut places = events.len();
-    for (place, what) in seen.iter().enumerate().rev() {
-        if is_look(what) {
-            next = instant(what);
-        }
-        while places > 0 && events[places - 1].1 >= place {
-            let (at, of) = events[places - 1];
-            let limit = if is_read(&seen[of]) { at } else { Instant(next.0.saturating_sub(1)) };
-            events[places - 1].0 = at.min(limit);
-            places -= 1;
-        }
-    }
-    events
-}
-
-/// When the device booted, where nothing that came at another time made it do so.
-fn boot_by_itself(seen: &[Seen], node: u8) -> Option<Instant> {
-    let id = Id::standard(error_control(node));
-    let boots = |what: &Seen| match what {
-        Seen::Frame(stamped) => stamped.frame.id == id && stamped.frame.data.first() == Some(&0),
-        _ => false,
-    };
-    seen.iter().take_while(|what| !is_own(what)).find(|what| boots(what)).map(instant)
-}
-
-/// Whether the tester did it.
-const fn is_own(what: &Seen) -> bool {
-    match what {
-        Seen::Frame(stamped) => stamped.own,
-        Seen::Power(..) | Seen::Stimulus(..) => true,
-        _ => false,
-    }
-}
-
-/// Whether it is a request that reads.
-fn is_read(what: &Seen) -> bool {
-    match what {
-        Seen::Frame(stamped) if stamped.own => {
-            let id = stamped.frame.data_id().unwrap_or(0) & 0x780;
-            id == REQUEST_COB_ID
-                && matches!(
-                    Request::decode(&stamped.frame.data),
-                    Ok(Request::Upload(_) | Request::UploadSegment(_))
-                )
-        }
-        _ => false,
-    }
-}
-
-pub(super) fn instant(seen: &Seen) -> Instant {
-    match seen {
-        Seen::Frame(stamped) => stamped.at,
-        Seen::Power(at, _)
-        | Seen::Until(at)
-        | Seen::Ended(at)
-        | Seen::Stimulus(at, ..)
-        | Seen::Observed(at, ..)
-        | Seen::Looked(at)
-        | Seen::Joined(at) => *at,
-        // A look at stored values comes before all else.
-        Seen::Stored(..) => Instant::ZERO,
-    }
-}
-
 /// The value that an answer carries.
 fn value(frame: &Frame) -> Option<Vec<u8>> {
     match Response::decode(&frame.data).ok()? {
@@ -558,18 +435,6 @@ const fn mux_of(request: &Request) -> Option<Mux> {
     }
 }
 
-/// Whether a value is one of those of the replicas; of a wide number, whether it lies among them.
-fn lies_in(value: &Value, band: &[Value], is_wide: bool) -> bool {
-    if band.contains(value) {
-        return true;
-    }
-    let numbers: Vec<f64> = band.iter().filter_map(Value::as_real).collect();
-    let (Some(number), true) = (value.as_real(), is_wide) else { return false };
-    let low = numbers.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = numbers.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    (low..=high).contains(&number)
-}
-
 /// The error code of an emergency message.
 fn code(frame: &Frame) -> u16 {
     let byte = |place: usize| u16::from(frame.data.get(place).copied().unwrap_or(0));
@@ -580,28 +445,5 @@ fn said(frame: Frame) -> String {
     match Response::decode(&frame.data) {
         Ok(Response::Abort(_, code)) => format!("abort {code}"),
         _ => frame.to_string(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use canopen::Stamped;
-
-    use super::*;
-
-    fn seen(micros: u64, own: bool, frame: &str) -> Seen {
-        let at = Instant(micros * 1000);
-        Seen::Frame(Stamped { at, frame: frame.parse().unwrap(), own })
-    }
-
-    #[test]
-    fn nothing_comes_before_the_boot_up_that_it_waited_for() {
-        let all = [seen(1_200_000, false, "701#00"), seen(1_201_000, true, "000#0101")];
-        let at = |by| shifted(&all, by, 1)[0].0;
-        assert_eq!(at(SHIFTS[0]), Instant(1_200_000_000));
-        assert_eq!(at(SHIFTS[1]), Instant(1_301_000_000));
-        // A boot-up after a reset comes earlier with the reset.
-        let reset = [seen(500_000, true, "000#8101"), all[0].clone(), all[1].clone()];
-        assert_eq!(shifted(&reset, SHIFTS[0], 1)[1].0, Instant(1_101_000_000));
     }
 }

@@ -1,20 +1,25 @@
 //! A replica of the device that gets what the device got, as early or as late as is wanted.
 
 use std::collections::VecDeque;
+use std::time::Duration;
 
 use canopen::sdo::RESPONSE_COB_ID;
 use canopen::{Dictionary, Frame, Id, Instant, Value};
 use canopen::{emcy, nmt};
 use reference_devices::change::Replica;
 
-use super::judge::GRACE;
 use crate::model::Model;
 use crate::oracle::{Seen, error_control};
+
+/// How long a frame may wait for the wire.
+pub(super) const GRACE: Duration = Duration::from_millis(20);
 
 /// A replica beside the device.
 pub(super) struct Lane {
     model: Model,
     node: u8,
+    /// By how many nanoseconds its clock is ahead.
+    clock: i64,
     /// What it answered and the device has not yet.
     answers: VecDeque<Frame>,
     /// Its emergency messages that the device has not sent yet.
@@ -33,10 +38,12 @@ pub(super) struct Sent {
 }
 
 impl Lane {
-    pub(super) fn new(device: Box<dyn Replica>, node: u8) -> Self {
+    /// A replica whose clock is ahead by some nanoseconds. All times here are those of the tester.
+    pub(super) fn new(device: Box<dyn Replica>, node: u8, clock: i64) -> Self {
         Self {
             model: Model::new(device),
             node,
+            clock,
             answers: VecDeque::new(),
             emergencies: VecDeque::new(),
             sent: Vec::new(),
@@ -51,19 +58,19 @@ impl Lane {
                 if stamped.frame.data_id() == Some(nmt::COB_ID) {
                     self.lose(at);
                 }
-                let sent: Vec<Frame> = self.model.take(at, &stamped.frame).collect();
+                let sent: Vec<Frame> = self.model.take(self.there(at), &stamped.frame).collect();
                 self.keep(at, sent);
             }
             Seen::Power(_, on) => {
                 self.pass(at);
                 self.lose(at);
-                self.model.power(at, *on);
+                self.model.power(self.there(at), *on);
                 self.answers.clear();
             }
             Seen::Stimulus(_, name, value) => {
                 self.pass(at);
                 self.lose(at);
-                let sent = self.model.stimulate(at, name, value);
+                let sent = self.model.stimulate(self.there(at), name, value);
                 self.keep(at, sent);
             }
             _ => {}
@@ -72,10 +79,15 @@ impl Lane {
 
     /// Lets it act on everything before `to`.
     pub(super) fn advance(&mut self, to: Instant) {
-        while let Some(due) = self.model.due_before(to) {
+        while let Some(due) = self.model.due_before(self.there(to)) {
             let sent: Vec<Frame> = self.model.poll(due).collect();
-            self.keep(due, sent);
+            self.keep(Instant(due.0.saturating_add_signed(-self.clock)), sent);
         }
+    }
+
+    /// The time of its own clock.
+    fn there(&self, at: Instant) -> Instant {
+        Instant(at.0.saturating_add_signed(self.clock))
     }
 
     /// The same, with what is due at `to`.

@@ -6,8 +6,10 @@ use std::time::Duration;
 
 use canopen::bench::{INTERFACE, POWER};
 use canopen::nmt::{Command, Service};
-use canopen::sdo::{Client, Next, RESPONSE_COB_ID, Request};
+use canopen::sdo::{Client, Initiate, Next, RESPONSE_COB_ID, Request};
 use canopen::{Bus, BusError, Frame, Instant, Mux, NmtState, Value};
+
+use reference_devices::stack::NodeSettings;
 
 use super::coverage::{Coverage, Tried};
 use super::draw::{LONGEST, LONGEST_ON_BUS, Story, story};
@@ -23,7 +25,7 @@ const PATIENCE: Duration = Duration::from_millis(300);
 const BOOT: Duration = Duration::from_secs(12);
 /// For how long a device is switched off.
 const OFF: Duration = Duration::from_millis(300);
-/// How long it may take to take a frame.
+/// How long it may take to take a frame in a time of its own.
 const TAKEN: Duration = Duration::from_millis(30);
 /// After so many requests in a row without an answer, no more are sent in this look.
 const SILENCE: u32 = 2;
@@ -97,13 +99,23 @@ pub(crate) fn play(
     Ok(Told { actions, seen, goals, tried })
 }
 
-/// Whether a device that goes on after the session learns something that outlasts it.
+/// Whether a device that goes on after the session learns or moves something that outlasts it.
 fn outlasts(action: &Action, blueprint: &Blueprint) -> bool {
-    let learns_by = &blueprint.settings().learns_by;
-    let mut requests = action.frames.iter().map(|frame| Request::decode(&frame.data));
-    blueprint.lasts()
-        && requests
-            .any(|it| matches!(it, Ok(Request::Download(mux, _)) if learns_by.contains(&mux)))
+    let NodeSettings { learns_by, moves_by, .. } = blueprint.settings();
+    let does = |frame: &Frame| match Request::decode(&frame.data) {
+        Ok(Request::Download(mux, start)) => {
+            let moves = moves_by.get(&mux).zip(number(&start));
+            learns_by.contains(&mux) || moves.is_some_and(|(by, value)| by.contains(&value))
+        }
+        _ => false,
+    };
+    blueprint.lasts() && action.frames.iter().any(does)
+}
+
+/// The number that an expedited transfer carries.
+fn number(start: &Initiate) -> Option<i64> {
+    let Initiate::Expedited(data) = start else { return None };
+    Some(data.iter().rev().fold(0, |value, byte| value << 8 | i64::from(*byte)))
 }
 
 /// The state after an action.
@@ -288,6 +300,15 @@ impl Player<'_> {
         Ok(self.bus.now())
     }
 
+    /// Lets the device take the last frame, too, so that a stimulus comes after it.
+    fn taken(&mut self) -> Result<Instant, BusError> {
+        let since = self.bus.now().since(self.last);
+        if self.own_time {
+            self.wait(TAKEN.saturating_sub(since))?;
+        }
+        self.now()
+    }
+
     fn power(&mut self, word: &str) -> Result<(), BusError> {
         let at = self.now()?;
         let Some(bench) = self.bus.bench() else { return Ok(()) };
@@ -307,7 +328,7 @@ impl Player<'_> {
         if apart || lasting || process && self.at_rest.contains(name) {
             return Ok(());
         }
-        let at = self.now()?;
+        let at = self.taken()?;
         let Some(bench) = self.bus.bench() else { return Ok(()) };
         if self.lasts
             && self.before.iter().all(|(known, _)| known != name)

@@ -258,7 +258,7 @@ impl Modelled {
 }
 
 /// What an exploration leaves out on a bus: what lasts longer than a session, and the supply.
-const ON_BUS: [Kind; 3] = [Kind::PowerCycle, Kind::Store, Kind::Restore];
+pub(super) const ON_BUS: [Kind; 3] = [Kind::PowerCycle, Kind::Store, Kind::Restore];
 
 /// How long an answer may take before the device is asked whether it is there.
 const PATIENCE: Duration = Duration::from_millis(300);

@@ -268,3 +268,6 @@ impl Bus for SinceStart<'_> {
         self.bus.bench()
     }
 }
+
+#[cfg(test)]
+mod tests;
