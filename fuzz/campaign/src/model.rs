@@ -48,6 +48,15 @@ impl Model {
         self.due.filter(|due| *due < to)
     }
 
+    /// Does what is due before `to`, and returns the frames that come of it, with their times.
+    pub(crate) fn act_before(&mut self, to: Instant) -> Vec<(Instant, Frame)> {
+        let mut all = Vec::new();
+        while let Some(due) = self.due_before(to) {
+            all.extend(self.poll(due).map(|frame| (due, frame)));
+        }
+        all
+    }
+
     /// Does what is due at `now`, a deadline, and returns the frames that come of it.
     pub(crate) fn poll(&mut self, now: Instant) -> impl Iterator<Item = Frame> + '_ {
         let mut polls = 0;

@@ -77,7 +77,7 @@ fn start(model: &mut Model, node: u8, at: Instant, place: Option<usize>, all: &m
     let earlier = |takes: Duration| Instant(at.0.saturating_sub(takes.as_nanos() as u64));
     // What it sends until then is no boot-up that follows.
     let since = place.map(|place| all[place].at());
-    since.into_iter().for_each(|since| advance(model, since));
+    since.into_iter().for_each(|since| drop(model.act_before(since)));
     match place.map(|place| (place, all[place].clone())) {
         None => {
             let begins = boots_in(model, node, Instant::ZERO, None).map_or(at, earlier);
@@ -99,24 +99,18 @@ fn start(model: &mut Model, node: u8, at: Instant, place: Option<usize>, all: &m
     }
 }
 
-fn advance(model: &mut Model, to: Instant) {
-    while let Some(due) = model.due_before(to) {
-        model.poll(due).for_each(drop);
-    }
-}
-
 fn give(model: &mut Model, what: &Seen) {
     match what {
         Seen::Frame(stamped) => {
-            advance(model, stamped.at);
+            drop(model.act_before(stamped.at));
             model.take(stamped.at, &stamped.frame).for_each(drop);
         }
         Seen::Power(at, on) => {
-            advance(model, *at);
+            drop(model.act_before(*at));
             model.power(*at, *on);
         }
         Seen::Stimulus(at, name, value) => {
-            advance(model, *at);
+            drop(model.act_before(*at));
             drop(model.stimulate(*at, name, value));
         }
         _ => {}
@@ -145,13 +139,11 @@ mod tests {
         let seen = [frame(4_000, false, boot_up), frame(4_001, true, reset)];
         let all = aligned(&*built, 1, &[&seen[..], &[frame(5_300, false, boot_up)]].concat());
         let mut model = Model::new(built.replica());
-        let mut boots = Vec::new();
         for what in all.iter().filter(|what| !matches!(what, Seen::Frame(it) if !it.own)) {
             give(&mut model, what);
         }
-        while let Some(due) = model.due_before(Instant(9_000_000_000)) {
-            boots.extend(model.poll(due).filter(|sent| *sent == boot_up).map(|_| due));
-        }
-        assert_eq!(boots, [Instant(5_300_000_000 + LEAD)]);
+        let sent = model.act_before(Instant(9_000_000_000));
+        let boots = sent.iter().filter(|(_, sent)| *sent == boot_up).map(|(due, _)| *due);
+        assert_eq!(boots.collect::<Vec<_>>(), [Instant(5_300_000_000 + LEAD)]);
     }
 }

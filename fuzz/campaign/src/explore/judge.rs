@@ -70,6 +70,8 @@ struct Judge<'s> {
     told: Vec<Frame>,
     /// The last request.
     request: Option<Request>,
+    /// The same as a frame.
+    question: Option<Frame>,
     /// When the last look was over.
     last_look: Instant,
 }
@@ -97,6 +99,7 @@ impl<'s> Judge<'s> {
             sent: Vec::new(),
             told: Vec::new(),
             request: None,
+            question: None,
             last_look: Instant::ZERO,
         }
     }
@@ -132,6 +135,7 @@ impl<'s> Judge<'s> {
         let is_request = frame.data_id() == Some(REQUEST_COB_ID + u16::from(self.node));
         if is_request {
             self.request = Request::decode(&frame.data).ok();
+            self.question = Some(*frame);
         }
         is_request
     }
@@ -187,6 +191,9 @@ impl<'s> Judge<'s> {
                 other.lane.advance(at);
                 take(other.lane.answer().as_ref());
             }
+            if let (Some(mut lane), Some(question)) = (self.ahead(at), &self.question) {
+                take(lane.asked(at + CYCLE, question).as_ref());
+            }
             let is_wide = data_type.size().is_some_and(|size| size > 1);
             if let Ok(got) = data_type.decode(got)
                 && lies_in(&got, &band, is_wide)
@@ -234,6 +241,7 @@ impl<'s> Judge<'s> {
             other.lane.pass(at);
             band.extend(other.lane.observe(name));
         }
+        band.extend(self.ahead(at).and_then(|lane| lane.observe(name)));
         let is_led = name.contains("led");
         let is_wide = !name.starts_with("digital-") && !is_led;
         if lies_in(value, &band, is_wide) || is_led && self.shows_about(place, at, name, value) {
@@ -404,6 +412,14 @@ impl<'s> Judge<'s> {
     fn missing(&self, what: &str, frame: &Frame) -> Difference {
         let name = what.split('-').next().unwrap_or(what);
         self.plain(format!("missing-{what}"), name, said(*frame), "nothing".to_owned())
+    }
+
+    /// What the first replica is a control cycle later if nothing more comes: a clock that is faster
+    /// is ahead in what has moved since long.
+    fn ahead(&self, at: Instant) -> Option<Lane> {
+        let mut lane = self.own_time.then(|| self.first.clone())?;
+        lane.pass(at + CYCLE);
+        Some(lane)
     }
 
     /// The replicas for which everything came earlier and later, at the time of what was seen.

@@ -15,6 +15,7 @@ use crate::oracle::{Seen, error_control};
 pub(super) const GRACE: Duration = Duration::from_millis(20);
 
 /// A replica beside the device.
+#[derive(Clone)]
 pub(super) struct Lane {
     model: Model,
     node: u8,
@@ -79,9 +80,8 @@ impl Lane {
 
     /// Lets it act on everything before `to`.
     pub(super) fn advance(&mut self, to: Instant) {
-        while let Some(due) = self.model.due_before(self.there(to)) {
-            let sent: Vec<Frame> = self.model.poll(due).collect();
-            self.keep(Instant(due.0.saturating_add_signed(-self.clock)), sent);
+        for (due, frame) in self.model.act_before(self.there(to)) {
+            self.keep(Instant(due.0.saturating_add_signed(-self.clock)), [frame]);
         }
     }
 
@@ -101,7 +101,7 @@ impl Lane {
         all.filter(|sent| sent.at + GRACE >= at).for_each(|sent| sent.may_be_lost = true);
     }
 
-    fn keep(&mut self, at: Instant, frames: Vec<Frame>) {
+    fn keep(&mut self, at: Instant, frames: impl IntoIterator<Item = Frame>) {
         for frame in frames {
             let sent = Sent { at, frame, may_be_lost: false };
             match frame.data_id() {
@@ -114,6 +114,14 @@ impl Lane {
                 _ => self.sent.push(sent),
             }
         }
+    }
+
+    /// Its answer to a request that it gets now.
+    pub(super) fn asked(&mut self, now: Instant, request: &Frame) -> Option<Frame> {
+        self.answers.clear();
+        let sent: Vec<Frame> = self.model.take(self.there(now), request).collect();
+        self.keep(now, sent);
+        self.answer()
     }
 
     /// Its next answer.
