@@ -5,6 +5,7 @@
 
 mod decimal;
 mod formula;
+mod lines;
 mod outline;
 mod table;
 mod tree;
@@ -20,6 +21,7 @@ use serde::Deserialize;
 use crate::nearest::did_you_mean;
 
 pub use decimal::Decimal;
+pub use lines::Lines;
 pub use outline::Outline;
 pub use table::{Stand, TABLE, Table, Values};
 pub use tree::{Node, Tree, Unfit};
@@ -49,21 +51,6 @@ impl Source {
 }
 
 impl Source {
-    /// The lines.
-    fn lines(&self) -> impl Iterator<Item = &str> {
-        // YAML takes a lone CR for the end of a line, too.
-        let mut rest = Some(&*self.text);
-        std::iter::from_fn(move || {
-            let text = rest?;
-            let end = memchr::memchr2(b'\r', b'\n', text.as_bytes());
-            rest = end.map(|end| {
-                let two = text[end..].starts_with("\r\n");
-                &text[end + 1 + usize::from(two)..]
-            });
-            Some(end.map_or(text, |end| &text[..end]))
-        })
-    }
-
     /// Whether a text stands at that place, with or without a quote.
     pub fn has(&self, place: Place, text: &str) -> bool {
         let line = self.line(place.line);

@@ -131,7 +131,7 @@ fn xml_that_is_none_or_of_something_else_is_one_finding() {
         ("<a><b></a>", "1:7: error: the XML cannot be read: "),
         (
             "<?xml version='1.0'?><!DOCTYPE a [<!ENTITY b 'c'>]><a>&b;</a>",
-            "1:1: error: the XML cannot be read: ",
+            "1:22: error: the XML cannot be read: a document type is declared",
         ),
         ("<a/>", "1:1: error: the XML has no element CANopenObject"),
     ] {
@@ -139,6 +139,38 @@ fn xml_that_is_none_or_of_something_else_is_one_finding() {
         let first = texts(&reading).remove(0);
         assert!(first.starts_with(found), "{first}");
         assert!(reading.eds.objects.is_empty());
+    }
+}
+
+/// What grows faster than the text is refused, whatever it says.
+#[test]
+fn xml_that_is_too_much_is_one_finding() {
+    let many = |n, of: &dyn Fn(usize) -> String| (0..n).map(of).collect::<String>();
+    let attribute = |n| format!(" a{n}=''");
+    let namespace = |n| format!(" xmlns:a{n}='b'");
+    let below = |n| format!("<a xmlns:a{n}='b'>");
+    let cases = [
+        (format!("<a>\n <b{}/></a>", many(256, &attribute)), None),
+        (
+            format!("<a>\n <b{}/></a>", many(257, &attribute)),
+            Some("2:2: error: the XML cannot be read: an element has more than 256 attributes"),
+        ),
+        (format!("<a{}><b c='d'/></a>", many(64, &namespace)), None),
+        (
+            format!("<a{}><b xmlns='d'/></a>", many(64, &namespace)),
+            Some("1:890: error: the XML cannot be read: more than 64 namespaces are declared"),
+        ),
+        (format!("{}</a>", many(65, &below)), Some("more than 64 namespaces")),
+        (format!("{}{}", "<a>".repeat(64), "</a>".repeat(64)), None),
+        (
+            format!("{}\n{}", "<a>".repeat(64), "<a>".repeat(100_000)),
+            Some("2:1: error: the XML cannot be read: elements are nested deeper than 64"),
+        ),
+    ];
+    for (text, refused) in cases {
+        let found = texts(&read(text.as_bytes()));
+        let expected = refused.unwrap_or("the XML has no element CANopenObject");
+        assert!(found.len() == 1 && found[0].contains(expected), "{found:?}");
     }
 }
 

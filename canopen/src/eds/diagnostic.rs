@@ -50,7 +50,7 @@ impl Findings {
             code: code.name,
             line: at.line,
             column: at.column,
-            message: message.into(),
+            message: shortened(message.into()),
         });
     }
 
@@ -86,10 +86,30 @@ impl Findings {
     }
 }
 
+/// A message that quotes something endless ends early.
+fn shortened(mut message: String) -> String {
+    const LONGEST: usize = 1000;
+    if message.len() > LONGEST {
+        let end = (0..=LONGEST).rev().find(|end| message.is_char_boundary(*end));
+        message.truncate(end.unwrap_or_default());
+        message.push_str(" ...");
+    }
+    message
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::codes;
     use super::*;
+
+    #[test]
+    fn a_message_is_no_longer_than_can_be_read() {
+        let mut findings = Findings::default();
+        findings.add(&codes::SYNTAX, Place::new(1, 1), "é".repeat(100_000));
+        findings.habit(&codes::SYNTAX, Place::new(2, 1), "short");
+        let lengths = findings.finish().into_iter().map(|it| it.message.len());
+        assert_eq!(lengths.collect::<Vec<_>>(), [1004, 5]);
+    }
 
     #[test]
     fn a_habit_is_told_once_and_all_is_in_order() {

@@ -5,7 +5,7 @@
 //! and CiA 306 demands get the value that means nothing.
 
 mod entry;
-mod place;
+mod limits;
 mod write;
 
 use std::collections::HashMap;
@@ -15,8 +15,8 @@ use roxmltree::{Attribute, Document, Node};
 use super::codes;
 use super::diagnostic::Findings;
 use super::ini::{self, Key, List, Name, Section};
-use crate::source::Place;
-use place::Lines;
+use crate::source::{Lines, Place};
+use entry::Parameter;
 
 pub use write::write_xdd;
 
@@ -38,6 +38,7 @@ struct Written {
     keys: Vec<Line>,
 }
 
+#[derive(Clone)]
 struct Line {
     name: String,
     value: String,
@@ -49,6 +50,11 @@ impl Transcript {
     /// Transcribes a text. XML that is not well-formed, or declares entities, becomes a finding and
     /// no section.
     pub(super) fn of(text: &str, findings: &mut Findings) -> Self {
+        if let Some((offset, message)) = limits::excess(text) {
+            let at = Lines::of(text).at(offset);
+            findings.add(&codes::SYNTAX, at, format!("the XML cannot be read: {message}"));
+            return Self::default();
+        }
         // Declarations of document types are refused, and with them entities that expand.
         let document = match Document::parse(text) {
             Ok(document) => document,
@@ -101,6 +107,8 @@ struct Scribe<'d, 'i, 'f> {
     objects: Vec<Node<'d, 'i>>,
     /// What `uniqueIDRef` refers to: parameters and their data types.
     referred: HashMap<&'d str, Node<'d, 'i>>,
+    /// What objects refer to, each read once: any number of objects may refer to one.
+    parameters: HashMap<&'d str, Parameter>,
     sections: Vec<Written>,
     findings: &'f mut Findings,
 }
@@ -116,6 +124,7 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
             lines: Lines::of(document.input_text()),
             objects: elements.clone().filter(|it| is(it, "CANopenObject")).collect(),
             referred: referred.collect(),
+            parameters: HashMap::new(),
             sections: Vec::new(),
             findings,
         };
@@ -129,6 +138,7 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
     }
 
     fn everything(&mut self) {
+        self.read_parameters();
         self.leave_out_disabled();
         self.file_info();
         self.device_info();
@@ -152,12 +162,7 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
     }
 
     fn is_disabled(&self, object: Node<'d, 'i>) -> bool {
-        let parameter = object.attribute("uniqueIDRef").and_then(|id| self.referred.get(id));
-        let properties = parameter.iter().flat_map(|it| it.children());
-        let mut values = properties
-            .filter(|it| is(it, "property") && it.attribute("name") == Some("CO_disabled"))
-            .filter_map(|it| it.attribute("value"));
-        values.any(|value| truth(value.trim()) == "1")
+        self.parameter_of(object).is_some_and(|parameter| parameter.is_disabled)
     }
 
     /// The first element of that name, wherever it stands: editors nest them differently.

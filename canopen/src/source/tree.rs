@@ -11,7 +11,7 @@ use serde::de::{
 };
 use serde::{Deserialize, Deserializer};
 
-use super::{At, Place, Source};
+use super::{At, Lines, Place, Source};
 
 /// A value of the text.
 #[derive(Clone, Debug, PartialEq)]
@@ -58,20 +58,15 @@ impl Tree {
 
     /// Numbers as they are written: `00 10` and `0x0A` are text to some readers.
     fn remember(&mut self, source: &Source) {
-        // Places come in the order of the text: its lines are cut once.
-        let lines: Vec<&str> = source.lines().collect();
-        self.remember_in(&lines);
+        self.remember_in(&Lines::of_yaml(&source.text));
     }
 
-    fn remember_in(&mut self, lines: &[&str]) {
+    fn remember_in(&mut self, lines: &Lines<'_>) {
         match &mut self.node {
             Node::Map(entries) => entries.iter_mut().for_each(|(_, tree)| tree.remember_in(lines)),
             Node::List(items) => items.iter_mut().for_each(|tree| tree.remember_in(lines)),
             Node::Int(_, text) | Node::Real(_, text) | Node::Bool(_, text) => {
-                let line =
-                    lines.get(self.place.line.saturating_sub(1)).copied().unwrap_or_default();
-                let from = line.char_indices().nth(self.place.column.saturating_sub(1));
-                let rest = from.map_or("", |(from, _)| &line[from..]);
+                let rest = lines.from(self.place);
                 let end = rest.find([',', '}', ']', '#', ':']).unwrap_or(rest.len());
                 rest[..end].trim_end().clone_into(text);
             }

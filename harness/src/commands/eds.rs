@@ -7,6 +7,7 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use canopen::eds::{self, Eds, Module, Severity};
+use canopen::source::{Lines, Place};
 use runner::stop::Stop;
 use runner::suite::step::Step;
 use runner::suite::{Level, Library};
@@ -72,9 +73,16 @@ fn report(
 ) -> (String, Exit) {
     let diagnostics = &reading.diagnostics;
     let text = eds::decode(bytes);
-    let lines: Vec<&str> = text.lines().collect();
+    let lines = Lines::of(&text);
     let (mut report, mut failing) = (String::new(), false);
+    let mut shown: BTreeMap<&str, usize> = BTreeMap::new();
     for diagnostic in diagnostics {
+        failing |= judges.get(diagnostic.code).is_some_and(|judge| judge.must);
+        let of_code = shown.entry(diagnostic.code).or_default();
+        *of_code += 1;
+        if *of_code > MOST_OF_A_CODE {
+            continue;
+        }
         let (line, column) = (diagnostic.line, diagnostic.column);
         // Writing to a string cannot fail.
         _ = writeln!(
@@ -84,13 +92,11 @@ fn report(
         );
         _ = writeln!(report, " --> {}:{line}:{column}", path.display());
         let gutter = line.to_string().len();
-        if let Some(source) = line.checked_sub(1).and_then(|place| lines.get(place)) {
-            let (source, column) = around(source, column);
+        if let Some((source, column)) = around(&lines, Place::new(line, column)) {
             _ = writeln!(report, "{line} | {source}");
             _ = writeln!(report, "{:gutter$} | {:>column$}", "", "^");
         }
         if let Some(Judge { case, must }) = judges.get(diagnostic.code) {
-            failing |= must;
             let verdict = if *must { "fails" } else { "is LENIENT" };
             _ = writeln!(report, "{:gutter$} = {case} {verdict} on this", "");
         }
@@ -102,6 +108,11 @@ fn report(
         }
         report.push('\n');
     }
+    for (code, all) in shown {
+        if let Some(more @ 1..) = all.checked_sub(MOST_OF_A_CODE) {
+            _ = writeln!(report, "... and {more} more of [{code}]\n");
+        }
+    }
     let errors = diagnostics.iter().any(|found| found.severity == Severity::Error);
     let exit = match (reading.eds.objects.is_empty(), errors || failing) {
         // Nothing could be tried with such a file.
@@ -112,22 +123,27 @@ fn report(
     (report, exit)
 }
 
+/// The most findings of one kind that are printed for a file.
+const MOST_OF_A_CODE: usize = 1000;
+
 /// The finding in a sheet that leaves its modules to the user.
 const MODULE: &str = "eds-module";
 
 /// As much of a line as can be read, and the column there: some editors write XML in one line.
-fn around(line: &str, column: usize) -> (String, usize) {
+fn around(lines: &Lines<'_>, at: Place) -> Option<(String, usize)> {
     const LONGEST: usize = 200;
     const BEFORE: usize = 80;
-    if line.chars().count() <= LONGEST {
-        return (line.to_owned(), column);
+    let line = lines.line(at.line)?;
+    if line.chars().nth(LONGEST).is_none() {
+        return Some((line.to_owned(), at.column));
     }
-    let from = column.saturating_sub(BEFORE);
-    let part: String = line.chars().skip(from).take(LONGEST).collect();
-    match from {
-        0 => (part, column),
-        _ => (format!("... {part}"), column - from + 4),
-    }
+    let from = at.column.saturating_sub(BEFORE);
+    let rest = lines.from(Place::new(at.line, from + 1));
+    let part: String = rest.chars().take(LONGEST).collect();
+    Some(match from {
+        0 => (part, at.column),
+        _ => (format!("... {part}"), at.column - from + 4),
+    })
 }
 
 /// How much there is, and what was found.
@@ -262,7 +278,20 @@ mod tests {
     use super::*;
 
     #[test]
+    fn the_same_mistake_is_shown_a_thousand_times() {
+        let bytes = "what\r\n".repeat(1003);
+        let reading = eds::read(bytes.as_bytes());
+        let (report, _) = report(Path::new("a"), bytes.as_bytes(), &reading, &BTreeMap::new());
+        assert_eq!(report.matches("error[eds-syntax]").count(), 1000);
+        assert!(report.ends_with("... and 3 more of [eds-syntax]\n\n"), "{report}");
+        assert!(counts(&reading).starts_with("0 objects, 1006 errors"), "{}", counts(&reading));
+    }
+
+    #[test]
     fn a_long_line_is_shown_around_the_place() {
+        let around = |line: &str, column| {
+            super::around(&Lines::of(line), Place::new(1, column)).expect("there is a line")
+        };
         assert_eq!(around("short", 3), ("short".to_owned(), 3));
         let line = format!("{}X{}", "a".repeat(500), "b".repeat(500));
         let (part, column) = around(&line, 501);

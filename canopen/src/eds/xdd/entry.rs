@@ -1,21 +1,49 @@
 //! An object or a sub-object of CiA 311 as the keys of a section. What its own attributes leave
 //! out, the parameter says that it refers to (`uniqueIDRef`).
 
+use std::collections::{HashMap, HashSet};
+
 use roxmltree::Node;
 
-use super::{Line, Scribe, Told, as_is, decimal, is};
+use super::{Line, Scribe, Told, as_is, decimal, is, truth};
 use crate::value::DataType;
 
+/// What a parameter says about the objects that refer to it.
+pub(super) struct Parameter {
+    keys: Vec<Line>,
+    pub(super) is_disabled: bool,
+}
+
+/// The data types that parameters refer to, by name: the element and the code of the basic type.
+type Types<'d, 'i> = HashMap<&'d str, Option<(Node<'d, 'i>, u16)>>;
+
 impl<'d, 'i> Scribe<'d, 'i, '_> {
+    /// Reads what objects refer to.
+    pub(super) fn read_parameters(&mut self) {
+        let is_entry = |it: &Node<'_, '_>| is(it, "CANopenObject") || is(it, "CANopenSubObject");
+        let entries = self.root.descendants().filter(is_entry);
+        let ids: HashSet<&str> = entries.filter_map(|it| it.attribute("uniqueIDRef")).collect();
+        let mut types = Types::new();
+        for id in ids {
+            if let Some(node) = self.referred.get(id).copied() {
+                let keys = self.parameter(node, &mut types);
+                self.parameters.insert(id, Parameter { keys, is_disabled: is_disabled(node) });
+            }
+        }
+    }
+
+    /// What an object refers to.
+    pub(super) fn parameter_of(&self, node: Node<'d, 'i>) -> Option<&Parameter> {
+        self.parameters.get(node.attribute("uniqueIDRef")?)
+    }
+
     pub(super) fn entry(&self, node: Node<'d, 'i>) -> Vec<Line> {
         let mut keys = self.attributes(node, ATTRIBUTES);
-        let parameter = node.attribute("uniqueIDRef").and_then(|id| self.referred.get(id));
         // The parameter of an array or a record describes the whole of it, which is no value.
         let is_value = !node.children().any(|it| is(&it, "CANopenSubObject"));
-        if let Some(parameter) = parameter.filter(|_| is_value) {
-            let told = self.parameter(*parameter);
-            let is_new = |line: &Line| !keys.iter().any(|it| it.name == line.name);
-            let mut new: Vec<Line> = told.into_iter().filter(is_new).collect();
+        if let Some(parameter) = self.parameter_of(node).filter(|_| is_value) {
+            let is_new = |line: &&Line| !keys.iter().any(|it| it.name == line.name);
+            let mut new: Vec<Line> = parameter.keys.iter().filter(is_new).cloned().collect();
             let has_default = keys.iter().chain(&new).any(|it| it.name == "DefaultValue");
             if !has_default {
                 bits_are_domain(&mut new);
@@ -45,7 +73,7 @@ impl<'d, 'i> Scribe<'d, 'i, '_> {
         keys.push(self.line("PDOMapping", attribute, mapped));
     }
 
-    fn parameter(&self, node: Node<'d, 'i>) -> Vec<Line> {
+    fn parameter(&self, node: Node<'d, 'i>, types: &mut Types<'d, 'i>) -> Vec<Line> {
         let mut keys = self.attributes(node, PARAMETER);
         // The attribute is `read` where it is absent, as editors leave it.
         if node.attribute("access").is_none() {
@@ -64,26 +92,42 @@ impl<'d, 'i> Scribe<'d, 'i, '_> {
             let is_told = !(several && key.ends_with("Limit"));
             keys.extend(value.filter(|_| is_told).map(|it| self.line(key, it, it.value())));
         }
-        if let Some((at, data_type)) = self.data_type(node) {
+        if let Some((at, data_type)) = self.data_type(node, types) {
             keys.push(Line::at("DataType", &format!("0x{data_type:04X}"), self.place(at)));
         }
         keys
     }
 
     /// The basic type of a parameter, also behind the name of a derived one.
-    fn data_type(&self, node: Node<'d, 'i>) -> Option<(Node<'d, 'i>, u16)> {
-        let basic = |node: Node<'d, 'i>| {
-            node.children().find_map(|it| {
-                let (_, code) = TYPES.iter().find(|(name, _)| is(&it, name))?;
-                Some((it, *code))
-            })
-        };
-        let named = || {
+    fn data_type(
+        &self,
+        node: Node<'d, 'i>,
+        types: &mut Types<'d, 'i>,
+    ) -> Option<(Node<'d, 'i>, u16)> {
+        let mut named = || {
             let reference = node.children().find(|it| is(it, "dataTypeIDRef"))?;
-            basic(*self.referred.get(reference.attribute("uniqueIDRef")?)?)
+            let name = reference.attribute("uniqueIDRef")?;
+            let derived = || self.referred.get(name).copied().and_then(basic);
+            *types.entry(name).or_insert_with(derived)
         };
-        basic(node).or_else(named)
+        basic(node).or_else(|| named())
     }
+}
+
+/// The basic type that an element holds.
+fn basic<'d, 'i>(node: Node<'d, 'i>) -> Option<(Node<'d, 'i>, u16)> {
+    node.children().find_map(|it| {
+        let (_, code) = TYPES.iter().find(|(name, _)| is(&it, name))?;
+        Some((it, *code))
+    })
+}
+
+/// Whether an editor built the device without the parameter.
+fn is_disabled(parameter: Node<'_, '_>) -> bool {
+    let property =
+        |it: &Node<'_, '_>| is(it, "property") && it.attribute("name") == Some("CO_disabled");
+    let mut values = parameter.children().filter(property).filter_map(|it| it.attribute("value"));
+    values.any(|value| truth(value.trim()) == "1")
 }
 
 /// IEC 61131-3 has no DOMAIN. Editors write `BITSTRING` for it, and for an octet string the same
