@@ -98,6 +98,17 @@ fn habits_of_editors_are_understood() {
 }
 
 #[test]
+fn what_one_profile_leaves_empty_the_other_says() {
+    let eds = read(TWO_PROFILES.as_bytes()).eds;
+    let file = &eds.file;
+    assert_eq!((&*file.name, file.version, file.revision), ("second.xdc", 2, 5));
+    assert_eq!((&*file.created_by, &*file.creation_date), ("someone", "11-29-2026"));
+    let device = &eds.device;
+    assert_eq!((&*device.vendor_name, device.vendor_number), ("Vendor", 0x123));
+    assert_eq!((&*device.product_name, device.product_number), ("P", 7));
+}
+
+#[test]
 fn habits_of_editors_are_told() {
     let found = texts(&read(HABITS.as_bytes()));
     let codes = ["[eds-no-access]", "[eds-disabled]", "[eds-syntax]"];
@@ -201,5 +212,17 @@ fn texts(reading: &Reading) -> Vec<String> {
 const FAULTY: &str = include_str!("xdd/faulty.xdc");
 
 const HABITS: &str = include_str!("xdd/habits.xdd");
+
+const TWO_PROFILES: &str = r#"<ISO15745ProfileContainer>
+<ProfileBody fileName="" fileCreator="someone" fileCreationDate="" fileVersion="">
+  <DeviceIdentity>
+    <vendorName>Vendor</vendorName><vendorID/><productName>P</productName><productID>7</productID>
+  </DeviceIdentity>
+</ProfileBody>
+<ProfileBody fileName="second.xdc" fileCreator="" fileCreationDate="2026-11-29" fileVersion="2.5">
+  <identity><vendorID>0x123</vendorID><productID/></identity>
+  <CANopenObject index="1000" name="Device type" objectType="7" dataType="07" accessType="ro"/>
+</ProfileBody>
+</ISO15745ProfileContainer>"#;
 
 const BY_PARAMETER: &str = include_str!("xdd/by-parameter.xdd");

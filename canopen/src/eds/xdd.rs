@@ -200,14 +200,22 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
 
     fn file_info(&mut self) {
         let is_body = |it: &Node<'_, '_>| is(it, "ProfileBody") && it.has_attribute("fileName");
-        let Some(body) = self.root.descendants().find(is_body) else { return };
-        let at = self.place(body);
-        let mut keys = self.attributes(body, FILE);
-        // CiA 311 writes both numbers as one version.
-        if let Some(version) = body.attributes().find(|it| it.name() == "fileVersion") {
-            let (number, revision) = file_version(version.value());
-            keys.push(self.line("FileVersion", version, &number.to_string()));
-            keys.push(self.line("FileRevision", version, &revision.to_string()));
+        let bodies: Vec<_> = self.root.descendants().filter(is_body).collect();
+        let Some(at) = bodies.first().map(|body| self.place(*body)) else { return };
+        let mut keys = Vec::new();
+        for body in bodies {
+            let mut said = self.attributes(body, FILE);
+            // CiA 311 writes both numbers as one version.
+            let version = body.attributes().find(|it| it.name() == "fileVersion");
+            if let Some(version) = version.filter(|it| !it.value().trim().is_empty()) {
+                let (number, revision) = file_version(version.value());
+                said.push(self.line("FileVersion", version, &number.to_string()));
+                said.push(self.line("FileRevision", version, &revision.to_string()));
+            }
+            fill(&mut keys, said);
+        }
+        for key in ["FileVersion", "FileRevision"] {
+            fill(&mut keys, vec![Line::at(key, "0", at)]);
         }
         // The sections that are made of the elements follow this edition.
         keys.push(Line::at("EDSVersion", "4.0", at));
@@ -215,15 +223,17 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
     }
 
     fn device_info(&mut self) {
-        let identity = self.find("DeviceIdentity").or_else(|| self.find("identity"));
+        let identities = ["DeviceIdentity", "identity"].map(|name| self.find(name));
         let general = self.find("CANopenGeneralFeatures");
-        let Some(at) = identity.or(general).map(|it| self.place(it)) else { return };
+        let mut places = identities.into_iter().flatten().chain(general);
+        let Some(at) = places.next().map(|it| self.place(it)) else { return };
         let mut keys = Vec::new();
-        for child in identity.iter().flat_map(|it| it.children().filter(Node::is_element)) {
-            let known = IDENTITY.iter().find(|(element, _)| is(&child, element));
-            if let Some((_, key)) = known {
-                keys.push(self.element(key, child));
-            }
+        for identity in identities.into_iter().flatten() {
+            let known = identity.children().filter_map(|child| {
+                let (_, key) = IDENTITY.iter().find(|(element, _)| is(&child, element))?;
+                Some(self.element(key, child))
+            });
+            fill(&mut keys, known.collect());
         }
         if let Some(general) = general {
             let at = self.place(general);
@@ -372,6 +382,18 @@ impl Line {
     /// What CiA 311 has no attribute for, at the place of the element.
     fn at(name: &str, value: &str, at: Place) -> Self {
         Self { name: name.to_owned(), value: value.to_owned(), name_at: at, at }
+    }
+}
+
+/// Adds what was not said before, or was empty: a file has a profile of the device and one of the
+/// network, and editors fill in either.
+fn fill(keys: &mut Vec<Line>, with: Vec<Line>) {
+    for line in with {
+        match keys.iter_mut().find(|key| key.name == line.name) {
+            Some(key) if key.value.is_empty() => *key = line,
+            Some(_) => {}
+            None => keys.push(line),
+        }
     }
 }
 
