@@ -141,18 +141,42 @@ fn an_interface_of_socketcand_gets_the_verdicts_of_virtual_time() {
 #[test]
 #[ignore = "needs python-can: PYTHON names an interpreter that has it"]
 fn a_virtual_bus_of_python_can_gets_the_verdicts_of_virtual_time() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let beside = folder.path().join("sitecustomize.py");
-    fs::copy(python::SCRIPT, beside).expect("it is copied");
-    let program = || {
-        let mut command = harness();
-        command.env("PYTHONPATH", folder.path()).env("BUS", "virtual:bench");
-        command.env("DEVICE", python::device(SERVED));
-        command
-    };
+    let folder = beside_the_bridge();
+    let program = || with_virtual_bus(&folder);
     let times = times(&compare_by(program, "python-can:virtual:bench"));
     assert!(times.contains("the time stamps of the driver"), "{times}");
     assert!(times.contains("those of their echoes"), "{times}");
+}
+
+/// A folder whose program runs in the process of the bridge.
+fn beside_the_bridge() -> TempDir {
+    let folder = tempfile::tempdir().expect("a folder");
+    let beside = folder.path().join("sitecustomize.py");
+    fs::copy(python::SCRIPT, beside).expect("it is copied");
+    folder
+}
+
+/// The harness, whose bridge has a device on its bus `virtual:bench`.
+fn with_virtual_bus(beside: &TempDir) -> Command {
+    let mut command = harness();
+    command.env("PYTHONPATH", beside.path()).env("BUS", "virtual:bench");
+    command.env("DEVICE", python::device(SERVED));
+    command
+}
+
+#[test]
+#[ignore = "needs python-can: PYTHON names an interpreter that has it"]
+fn a_fault_behind_python_can_leaves_a_complete_report() {
+    let folder = beside_the_bridge();
+    for (fault, part) in [
+        ("gone", "the adapter python-can:virtual:bench is gone: OSError: no such device"),
+        ("killed", "the adapter python-can:virtual:bench is gone: the bridge to it ended"),
+        ("full", "CanOperationError: full"),
+    ] {
+        let mut program = with_virtual_bus(&folder);
+        program.env("FAULT", fault).env("AFTER", AFTER.to_string());
+        complete_by(program, "python-can:virtual:bench", 6, part);
+    }
 }
 
 #[test]
@@ -318,10 +342,14 @@ fn a_connection_that_is_cut_leaves_a_complete_report() {
     complete(&target, 0, "which is no frame: its identifier is no number");
 }
 
-/// A run in which something goes wrong: every case is in the report, and the journal says why.
 fn complete(target: &str, exit: i32, part: &str) {
+    complete_by(harness(), target, exit, part);
+}
+
+/// A run in which something goes wrong: every case is in the report, and the journal says why.
+fn complete_by(program: Command, target: &str, exit: i32, part: &str) {
     let cases = ["cia301/sdo-expedited", "--node", "5"];
-    let (folder, output) = recorded(harness(), target, &cases);
+    let (folder, output) = recorded(program, target, &cases);
     let text = said(&output);
     assert_eq!(output.status.code(), Some(exit), "{target}, {part}: {text}");
     let journal = folder.path().join(JOURNAL);

@@ -1,7 +1,7 @@
 """A reference device on a bus of python-can.
 
 BUS is its interface and channel, `virtual:bench`; DEVICE is the program that is the device on
-pipes. A bus that ends at its process gets its device there: as `sitecustomize` this runs beside whatever
+pipes. FAULT and AFTER spoil the bus `virtual` of a bridge. A bus that ends at its process gets its device there: as `sitecustomize` this runs beside whatever
 Python runs.
 """
 
@@ -50,6 +50,28 @@ def serve():
     device.stdin.close()
 
 
+def spoil(fault, after):
+    """What the bridge sends after that many frames meets a fault. It sends in the main thread."""
+    import can
+    from can.interfaces.virtual import VirtualBus
+
+    send, left = VirtualBus.send, after
+
+    def spoilt(bus, message, timeout=None):
+        nonlocal left
+        if threading.current_thread() is threading.main_thread():
+            left -= 1
+            if left < 0:
+                if fault == "killed":
+                    os._exit(9)
+                raise OSError("no such device") if fault == "gone" else can.CanOperationError("full")
+        send(bus, message, timeout)
+
+    VirtualBus.send = spoilt
+
+
+if "FAULT" in os.environ:
+    spoil(os.environ["FAULT"], int(os.environ["AFTER"]))
 if __name__ == "__main__":
     serve()
 elif "DEVICE" in os.environ:

@@ -108,6 +108,9 @@ def bridge(interface, channel, options):
             say("sent")
         except can.CanError as error:
             say("refused", words(error))
+        # An adapter that was unplugged is an error of whatever library the driver is made of.
+        except Exception as error:
+            fail(words(error))
     ended.set()
     receiver.join(2 * TURN)
     bus.shutdown()
