@@ -108,6 +108,22 @@ fn what_one_profile_leaves_empty_the_other_says() {
     assert_eq!((&*device.product_name, device.product_number), ("P", 7));
 }
 
+/// CiA 311 asks for the names of vendor and product, and not for their numbers.
+#[test]
+fn numbers_of_vendor_and_product_may_be_in_the_dictionary_alone() {
+    let said = |text: &str| {
+        let Reading { eds, diagnostics, .. } = read(text.as_bytes());
+        let numbers = (eds.device.vendor_number, eds.device.product_number);
+        (numbers, diagnostics.iter().filter(|it| it.code == "eds-device-info").count())
+    };
+    assert_eq!(said(FAULTY), ((0x123, 7), 0));
+    let [vendor, product] = ["<vendorID>0x123</vendorID>", "<productID>7</productID>"];
+    let without = FAULTY.replace(vendor, "").replace(product, "");
+    assert_eq!(said(&without), ((0x123, 0), 0));
+    assert_eq!(said(&FAULTY.replace(vendor, "<vendorID/>")), ((0x123, 7), 0));
+    assert_eq!(said(&FAULTY.replace(product, "<productID/>")), ((0x123, 0), 1));
+}
+
 #[test]
 fn habits_of_editors_are_told() {
     let found = texts(&read(HABITS.as_bytes()));

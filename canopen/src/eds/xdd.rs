@@ -247,7 +247,7 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
         if let Some(master) = self.find("CANopenMasterFeatures") {
             keys.extend(self.attributes(master, MASTER));
         }
-        keys.push(self.revision(at));
+        self.of_identity_object(&mut keys, at);
         keys.extend(self.bit_rates());
         self.section("DeviceInfo", at).keys = keys;
     }
@@ -264,20 +264,26 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
         }
     }
 
-    /// CiA 311 has the revision number in the dictionary alone.
-    fn revision(&self, at: Place) -> Line {
+    /// What CiA 311 has in the dictionary alone, or does not ask for beside it: numbers of the
+    /// identity object, by sub-index.
+    fn of_identity_object(&self, keys: &mut Vec<Line>, at: Place) {
         let number = |node: &Node<'_, '_>, name, wanted| {
             node.attribute(name).and_then(entry::hex).is_some_and(|found| found == wanted)
         };
         let identity = self.objects.iter().find(|it| number(it, "index", 0x1018));
-        let sub = identity.and_then(|it| it.children().find(|it| number(it, "subIndex", 3)));
-        let default = sub.and_then(|it| {
-            let keys = self.entry(it);
-            keys.into_iter().find(|line| line.name == "DefaultValue" && !line.value.is_empty())
-        });
-        match default {
-            Some(line) => Line { name: "RevisionNumber".to_owned(), ..line },
-            None => Line::at("RevisionNumber", "0", at),
+        for (sub, key) in (1..).zip(["VendorNumber", "ProductNumber", "RevisionNumber"]) {
+            let sub = identity.and_then(|it| it.children().find(|it| number(it, "subIndex", sub)));
+            let default = sub.and_then(|it| {
+                let keys = self.entry(it);
+                keys.into_iter().find(|line| line.name == "DefaultValue" && !line.value.is_empty())
+            });
+            match default {
+                Some(line) => fill(keys, vec![Line { name: key.to_owned(), ..line }]),
+                None if keys.iter().all(|line| line.name != key) => {
+                    keys.push(Line::at(key, "0", at));
+                }
+                None => {}
+            }
         }
     }
 
