@@ -187,6 +187,27 @@ fn a_shared_bus_of_python_can_gets_the_verdicts_of_virtual_time() {
     assert!(times.contains("those of their echoes"), "{times}");
 }
 
+/// Its waivers explain what is red on vcan0: nothing else is red here.
+#[test]
+#[ignore = "needs python-can: PYTHON names an interpreter that has it"]
+fn a_stack_of_others_behind_python_can_is_as_its_waivers_say() {
+    const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/foreign/python-canopen");
+    let [script, sheet, waivers] =
+        ["device.py", "sheet.eds", "waivers.yaml"].map(|file| format!("{FOLDER}/{file}"));
+    let (_device, target) = python::of_others_on_multicast(3, &script);
+    let mut scan = harness();
+    let there = scan.args(["scan", "--wait", "--target", &target]).output();
+    assert!(said(&there.expect("the program starts")).contains("\n3 "));
+    let cases = ["cia301/nmt", "cia301/sdo-expedited", "cia301/sdo-segmented", "--node", "3"];
+    let mut program = harness();
+    program.args(["--eds", &sheet, "--waivers", &waivers]);
+    let (found, output) = run_by(program, &target, &cases);
+    // What a busy machine spoils is decided by nobody.
+    assert!(matches!(output.status.code(), Some(0 | 6)), "{}", said(&output));
+    let count = |which| found.cases().filter(|(_, case)| case.verdict() == which).count();
+    assert!(count(Verdict::Pass) > 30 && count(Verdict::Waived) > 10, "{}", said(&output));
+}
+
 /// Exit code 6, and the words of python-can.
 #[test]
 #[ignore = "needs python-can: PYTHON names an interpreter that has it"]

@@ -8,6 +8,7 @@ mod adapter;
 #[expect(dead_code, reason = "other tests use the rest of it")]
 mod gs_usb;
 #[path = "common/python.rs"]
+#[expect(dead_code, reason = "other tests use the rest of it")]
 mod python;
 
 use std::sync::mpsc;

@@ -2,9 +2,10 @@
 
 The stack holds the dictionary, answers SDO, follows NMT and sends the heartbeat. What it leaves to
 the application is here: the boot-up and the reset of values when NMT asks for a reset, and when
-PDOs are sent and taken over.
+PDOs are sent and taken over. BUS names another bus of python-can than vcan0.
 """
 
+import os
 import struct
 import threading
 from pathlib import Path
@@ -12,7 +13,7 @@ from pathlib import Path
 import canopen
 
 NODE_ID = 3
-INTERFACE = "vcan0"
+INTERFACE, CHANNEL = os.environ.get("BUS", "socketcan:vcan0").split(":")
 SHEET = Path(__file__).with_name("sheet.eds")
 START, RESET_NODE, RESET_COMMUNICATION = 1, 129, 130
 PDO_PARAMETERS = range(0x1400, 0x1C00)
@@ -78,7 +79,7 @@ class Device(canopen.LocalNode):
 
 def main():
     network = canopen.Network()
-    network.connect(interface="socketcan", channel=INTERFACE)
+    network.connect(interface=INTERFACE, channel=CHANNEL)
     device = Device()
     network.add_node(device)
     network.subscribe(0, device.on_nmt)
