@@ -47,11 +47,12 @@ class Bench:
         for line in device.stdout:
             frame = line.split()[-1]
             identifier, data = frame.split("#")
+            kind, rest = "t", f"{len(data) // 2}{data}"
             if data.startswith("R"):
-                text = f"r{identifier}{data[1:] or 0}"
-            else:
-                text = f"t{identifier}{len(data) // 2}{data}"
-            self.say(text.encode() + END)
+                kind, rest = "r", data[1:] or "0"
+            if len(identifier) == 8:
+                kind = kind.upper()
+            self.say(f"{kind}{identifier}{rest}".encode() + END)
 
     def say(self, answer):
         line = self.line
