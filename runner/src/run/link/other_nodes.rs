@@ -31,6 +31,9 @@ struct Watched {
     is_silent: bool,
     /// When the tester sent a reset that reaches it, until it boots.
     reset: Option<Instant>,
+    /// The last reset, and how many boot-up messages may still come: one for each reset, and those
+    /// of resets in a row may all come after the last of them.
+    expected: Option<(Instant, u32)>,
 }
 
 /// Something that happened to a node, the first time and how often.
@@ -73,6 +76,7 @@ impl OtherNodes {
             period: None,
             is_silent: false,
             reset: None,
+            expected: None,
         };
         Self { nodes: nodes.iter().map(watched).collect(), happened: Vec::new() }
     }
@@ -131,7 +135,8 @@ impl OtherNodes {
     fn heartbeat(&mut self, place: usize, seen: &Stamped) {
         let node = &mut self.nodes[place];
         if ErrorControl::decode(&seen.frame.data) == Ok(ErrorControl::BOOT_UP) {
-            let was_asked_for = node.reset.take().is_some();
+            node.reset = None;
+            let was_asked_for = node.takes_boot_up(seen.at);
             // It may have another period now.
             *node = Watched { last: None, period: None, is_silent: false, ..node.clone() };
             if !was_asked_for {
@@ -169,6 +174,19 @@ impl Watched {
         let resets = [Service::RESET_NODE, Service::RESET_COMMUNICATION];
         if [0, self.known.node].contains(&command.node) && resets.contains(&command.service) {
             (self.last, self.reset) = (None, Some(seen.at));
+            let before = self.expected.filter(|(reset, _)| seen.at.since(*reset) <= BOOTS);
+            self.expected = Some((seen.at, before.map_or(1, |(_, boots)| boots + 1)));
+        }
+    }
+
+    /// Whether a boot-up message belongs to a reset, which it then answers.
+    fn takes_boot_up(&mut self, at: Instant) -> bool {
+        match &mut self.expected {
+            Some((reset, boots @ 1..)) if at.since(*reset) <= BOOTS => {
+                *boots -= 1;
+                true
+            }
+            _ => false,
         }
     }
 }
@@ -236,7 +254,13 @@ mod tests {
             let away = "pump, node 6: no boot-up message after the reset at 0.210000 s";
             assert_eq!(after(&[(210, reset)], 10_211), [away]);
         }
+        let row = [(210, ">000#8100"), (211, ">000#8200"), (220, "706#00"), (230, "706#00")];
+        assert_eq!(after(&row, 9000), [""; 0]);
         let restarts = "pump, node 6: boot-up message without a reset at 0.250000 s";
+        assert_eq!(after(&[&row[..], &[(250, "706#00")]].concat(), 9000), [restarts]);
+        let late = [(210, ">000#8100"), (250, "706#00"), (10_300, "706#00")];
+        let restarted = "pump, node 6: boot-up message without a reset at 10.300000 s";
+        assert_eq!(after(&late, 10_400), [restarted]);
         for not_a_reset in [">000#8105", ">000#0100", "000#8100"] {
             let frames = [(210, not_a_reset), (250, "706#00")];
             assert_eq!(after(&frames, 9000), [restarts], "{not_a_reset}");
