@@ -104,13 +104,13 @@ impl<'d, 'i> Scribe<'d, 'i, '_> {
         node: Node<'d, 'i>,
         types: &mut Types<'d, 'i>,
     ) -> Option<(Node<'d, 'i>, u16)> {
-        let mut named = || {
+        let named = || {
             let reference = node.children().find(|it| is(it, "dataTypeIDRef"))?;
             let name = reference.attribute("uniqueIDRef")?;
             let derived = || self.referred.get(name).copied().and_then(basic);
             *types.entry(name).or_insert_with(derived)
         };
-        basic(node).or_else(|| named())
+        basic(node).or_else(named)
     }
 }
 
