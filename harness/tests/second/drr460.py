@@ -285,7 +285,7 @@ class Drr460(Node):
         self.soft_since, self.ramp = None, None
         self.tune, self.tune_data, self.tune_read = 0, None, self.now
         self.samples, self.process = [], 0
-        self.sensor_failed = False
+        self.broken = self.sensor_failed = False
         self.latch_since = None
         self.load_since = {}
         self.heard_at, self.offline = self.now, False
@@ -438,8 +438,6 @@ class Drr460(Node):
             self.soft_since = None
         elif sub == 115:
             self.heard()
-        elif sub == 121:
-            self.expand()
         for alarm in self.alarms:
             if sub == alarm.base:
                 alarm.clear(False)
@@ -593,6 +591,8 @@ class Drr460(Node):
     def bus_fault(self, fault):
         if self.state is None or self.boots_at is not None:
             return
+        if fault != "error-passive":
+            self.clear_error("passive", 0, bytes(5))
         if fault == "receive-overflow":
             self.emergency(0x8110, 0x11, b"\0\1\0\0\0")
             self.failed()
@@ -601,8 +601,6 @@ class Drr460(Node):
             self.failed()
         elif fault == "error-passive":
             self.set_error("passive", 0x8120, 0x11, b"\0\3\0\0\0")
-        if fault == "none":
-            self.clear_error("passive", 0, bytes(5))
 
     def module_fault(self, fault):
         if self.state is None or self.boots_at is not None:
@@ -940,6 +938,23 @@ class Drr460(Node):
         if self.od[0x6443, 1].value:
             self.od[0x6411, 1].value = self.od[0x6444, 1].value
 
+    def driven(self):
+        """How much of heater and cooler the terminals switch on: what is at the outputs counts,
+        also with the key (6.2) or in a state of 20 or 21."""
+        place = self.p(16)
+        low = 4.0 * (place & 1)
+        analogue = clamp((self.current - low) / (20 - low), 0.0, 1.0)
+        if place < 2:
+            command, alarms = float(self.q[0]), (float(self.q[1]), analogue)
+        elif place < 4:
+            command, alarms = self.position / 100, (analogue, 0.0)
+        else:
+            command, alarms = analogue, (float(self.q[0]), float(self.q[1]))
+        if self.p(18):
+            return 0.0, command  # the command cools
+        cools = [share for share, alarm in zip(alarms, self.alarms) if self.p(alarm.base) == 9]
+        return command, max(cools, default=0.0)
+
     # ---- A step of the controller ----
 
     def step(self):
@@ -950,8 +965,8 @@ class Drr460(Node):
         self.running = bool(self.od[0x4003, 0].value)
         # A load for the stimulus `process`, which no manual describes: that of the bench of the
         # reference device, with a heater of 300 K, a cooler of 100 K, and a sensor that lags.
-        power = self.percent / 100 * self.heats - self.cold / 3
-        self.load_at += (25 + 3 * power - self.load_at) * dt / 100
+        heating, cooling = self.driven()
+        self.load_at += (25 + 300 * heating - 100 * cooling - self.load_at) * dt / 100
         self.plant += (self.load_at - self.plant) * min(1.0, dt / 2)
         broken = self.measure()
         if self.p(115) and self.now >= self.heard_at + self.p(115) / 10:
@@ -975,10 +990,11 @@ class Drr460(Node):
         self.press_key()
 
     def watch_sensor(self):
-        failed = bool(self.flags & (1 << PROCESS | 1 << COLD_JUNCTION))
-        if failed and not self.sensor_failed and self.p(25) == 2 and not self.manual:
+        broken = bool(self.flags & 1 << PROCESS)
+        if broken and not self.broken and self.p(25) == 2 and not self.manual:
             self.switch_manual(True)  # 7.6: the output stays as it was
-        self.sensor_failed = failed
+        self.broken = broken
+        self.sensor_failed = bool(self.flags & (1 << PROCESS | 1 << COLD_JUNCTION))
 
     def press_key(self):
         """Three seconds take the threshold of the heater break alarm (6.2, 7.7)."""

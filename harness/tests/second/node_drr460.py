@@ -151,6 +151,8 @@ class Node:
         self.load(0x1000, 0x1FFF)
         if application:
             self.load(0x2000, 0xFFFF)
+        # One functionality under two indices, with the value of the one that is reset (11.4.15).
+        self.od[0x67FE, 1].value = self.od[0x1029, 1].value
         self.state = BOOT
         self.boots_at = self.now + self.boot_time()
         if application:
@@ -500,10 +502,10 @@ class Node:
             raise Abort(INCOMPATIBLE)
 
     def check_pdo(self, index, sub, value):
-        self.check_pdo_value(index, sub, value)
         if self.state == OPERATIONAL and (index & 0x0200 or sub == 1):
             # Identifiers and mapping change in PRE-OPERATIONAL (manual 11.1.3, 11.5.1).
             raise Abort(STATE)
+        self.check_pdo_value(index, sub, value)
 
     def check_pdo_value(self, index, sub, value):
         communication = index & ~0x0200
