@@ -70,6 +70,8 @@ pub(crate) struct Drr460 {
     overflow_ends: Option<Instant>,
     /// Power-on is still to be reported.
     reports_boot: bool,
+    /// The switches as they were read.
+    read: Switches,
     /// A bench has set the switches.
     switched: bool,
     /// The device restarts because of a bench action.
@@ -115,6 +117,7 @@ impl Drr460 {
             around: Surroundings::default(),
             overflow_ends: None,
             reports_boot: false,
+            read: Surroundings::default().switches,
             switched: false,
             restarts: false,
             loading: false,
@@ -207,6 +210,8 @@ impl Drr460 {
         }
         self.show_outcome(outcome, od);
         self.memory.keep(od);
+        // What was measured belongs to an output that has changed since.
+        self.changed |= self.controller.switched_load(self.inputs.master.is_some(), &self.settings);
         let wait = match self.is_settled() {
             true => self
                 .controller
@@ -365,7 +370,10 @@ impl Drr460 {
                 self.controller.forget();
             }
             Mux { index: LATCH_ON, sub } if !self.rules.learns(sub) => {}
-            Mux { index: LATCH_ON, sub } => self.controller.command_latch(sub, written as u8),
+            Mux { index: LATCH_ON, sub } => {
+                self.controller.command_latch(sub, written as u8);
+                od.set_int(mux, self.rules.latch_command_reads(written));
+            }
             Mux { index: PARAMETERS, sub } => {
                 if sub == COOLING_FLUID {
                     self.preset(written, od);
@@ -394,20 +402,27 @@ impl Drr460 {
 
     /// Raises the errors that are present, and ends the others.
     fn report(&mut self, now: Instant, errors: &mut Errors) {
+        let is_event = !self.rules.overflow_lasts() && self.overflow_ends.take().is_some();
         self.overflow_ends = self.overflow_ends.filter(|end| now < *end);
         let module = match self.rules.reports_module() {
             true => self.around.module,
             false => Module::Fitted,
         };
         let bus = self.around.bus.present(self.overflow_ends);
-        let found =
-            Found { no_process: self.outcome.error && self.rules.reports_sensor(), ..self.found };
+        let found = Found {
+            no_process: self.outcome.error && self.rules.reports_sensor(),
+            unread: self.found.unread.filter(|_| self.rules.reports_memory()),
+            ..self.found
+        };
         if std::mem::take(&mut self.reports_boot) {
             let boot = emergency::BOOT;
             errors.raise(boot.error, boot.code, boot.register, boot.vendor);
             errors.clear(boot.error);
         }
         emergency::tell(found, bus, module, errors);
+        if is_event {
+            emergency::mention(self.around.bus, errors);
+        }
     }
 
     fn light(&mut self, now: Instant, error: bool) {
@@ -428,16 +443,26 @@ impl Drr460 {
             let rate = value(od, BIT_RATE);
             let address = value(od, NODE_ID) as u8;
             self.around.switches = Switches { address, rate: (rate + 1) as u8 };
+            self.read = self.around.switches;
             self.bus_rate = Some(rate);
         }
         let code = Parameters::of(od, &self.rules).get(BIT_RATE_CODE);
-        let rate = self.around.switches.rate(code);
+        let rate = self.switches().rate(code);
         od.set_int(BIT_RATE, rate);
+    }
+
+    /// The switches as they are in force, or will be at the power-on under way.
+    fn switches(&self) -> Switches {
+        let reads = !self.powered || self.rules.reset_reads_switches();
+        if reads { self.around.switches } else { self.read }
     }
 }
 
 impl Behaviour for Drr460 {
     fn reset(&mut self, now: Instant, od: &mut Dictionary) {
+        if !self.powered || self.rules.switches_act_at_once() {
+            self.read = self.around.switches;
+        }
         if std::mem::replace(&mut self.powered, true) {
             self.follow(now, od);
         } else {
@@ -488,14 +513,14 @@ impl Behaviour for Drr460 {
         let configured = [ADDRESS, BIT_RATE_CODE].map(|sub| parameters.get(sub));
         match self.bus_rate {
             Some(bus) if self.switched => {
-                self.rules.attachment(self.around.switches, configured.into(), bus)
+                self.rules.attachment(self.switches(), configured.into(), bus)
             }
             _ => Attachment::AsIs,
         }
     }
 
     fn loads_defaults(&self) -> bool {
-        self.rules.loads_defaults(self.around.switches)
+        self.rules.loads_defaults(self.switches())
     }
 
     fn takes_restart(&mut self) -> bool {
@@ -514,6 +539,10 @@ impl Behaviour for Drr460 {
             }
             (OUTPUT, _) if !self.rules.output_accepts(value(od, MANUAL) == 1) => {
                 Err(Abort::DEVICE_STATE)
+            }
+            (BOOT_STATE, [low, high]) => {
+                let state = i16::from_le_bytes([*low, *high]).into();
+                if self.rules.takes_boot_state(state) { Ok(()) } else { Err(Abort::VALUE) }
             }
             (Mux { index: LATCH_ON, sub }, [value]) => {
                 let accepted = self.controller.latch().accepts(sub, *value, self.settings.latch());
@@ -621,6 +650,8 @@ impl Behaviour for Drr460 {
     }
 }
 
+/// The state after boot-up.
+const BOOT_STATE: Mux = Mux::new(0x2000, 3);
 /// The object of the analogue inputs.
 const ANALOGUE_INPUTS: u16 = 0x6401;
 /// The analogue input of the process value.

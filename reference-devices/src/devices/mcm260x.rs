@@ -57,6 +57,8 @@ pub(crate) struct Mcm260x {
     encoders: Vec<Encoder>,
     /// The settings of the encoders.
     setups: Vec<Setup>,
+    /// The intervals of a second and of 100 ms are counted from here.
+    intervals_from: Instant,
     /// When the next interval of 100 ms ends.
     next_tenth: Instant,
     inputs: Vec<AnalogueInput>,
@@ -114,6 +116,7 @@ impl Mcm260x {
             io,
             setups: vec![Setup { mode: 0, preset: 0 }; encoders.len()],
             encoders,
+            intervals_from: Instant::ZERO,
             next_tenth: Instant::ZERO + TENTH,
             inputs: vec![AnalogueInput::default(); inputs],
             surroundings: Surroundings::default(),
@@ -281,6 +284,9 @@ impl Behaviour for Mcm260x {
             self.take_offline_levels(od);
         }
         self.encoders.iter_mut().for_each(|encoder| encoder.restart(now, &self.rules));
+        if self.rules.intervals_begin_with_the_start() {
+            (self.intervals_from, self.next_tenth) = (now, now + TENTH);
+        }
         self.inputs.iter_mut().for_each(AnalogueInput::restart);
         self.set_up(od);
         self.changed = true;

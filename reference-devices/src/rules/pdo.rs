@@ -20,8 +20,9 @@ decisions! {
         matches!(sub, 3 | 6)
     }
 
-    /// PDOs are configured in every state in which there is SDO.
-    fn pdos_configured_in(&self, state: NmtState) -> bool {
+    /// PDOs are configured in every state in which there is SDO, their identifiers and mappings
+    /// (`routes`) as the rest.
+    fn pdos_configured_in(&self, state: NmtState, _routes: bool) -> bool {
         state != NmtState::STOPPED
     }
 
@@ -316,7 +317,9 @@ deviations! {
 
     "tpdo-sent-in-pre-operational" => tpdo_sent_in: |_, state| state != NmtState::STOPPED;
     "pdos-configured-in-pre-operational-only" =>
-        pdos_configured_in: |_, state| state == NmtState::PRE_OPERATIONAL;
+        pdos_configured_in: |_, state, _| state == NmtState::PRE_OPERATIONAL;
+    "pdos-routed-in-pre-operational-only" =>
+        pdos_configured_in: |_, state, routes| !routes || state == NmtState::PRE_OPERATIONAL;
     "event-timer-fixed-while-valid" =>
         pdo_parameter_fixed_while_valid: |_, sub| matches!(sub, 3 | 5 | 6);
     "pdo-synchronous-types-0-and-1-only" => transmission_type_valid: |_, direction, kind| {

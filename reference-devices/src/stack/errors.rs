@@ -52,6 +52,13 @@ impl Errors {
         }
     }
 
+    /// Something happened to the application that is over at once: a message, and nothing that
+    /// lasts.
+    pub(crate) fn mention(&mut self, code: EmcyCode, register: u8, vendor: [u8; 5]) {
+        let message = Emcy { code, register: self.register() | register | 1, vendor };
+        self.news.push_back(News::Appeared(message));
+    }
+
     /// An error of the application appeared that is of the class in 1029h `sub`: when the device is
     /// OPERATIONAL, that entry says what becomes of its state (CiA 301, 7.5.2.32).
     pub(crate) fn react(&mut self, sub: u8) {

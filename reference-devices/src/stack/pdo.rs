@@ -74,7 +74,7 @@ pub(crate) fn check_communication(
     base: &Base,
 ) -> Result<(), Abort> {
     let rules = &base.rules;
-    if !rules.pdos_configured_in(base.state) {
+    if !rules.pdos_configured_in(base.state, mux.sub == COB_ID) {
         return Err(Abort::DEVICE_STATE);
     }
     let cob = cob_id(&base.od, direction, mux.index & 0x1FF);

@@ -60,7 +60,7 @@ pub(crate) fn check(
     base: &Base,
 ) -> Result<(), Abort> {
     let od = &base.od;
-    if !base.rules.pdos_configured_in(base.state) {
+    if !base.rules.pdos_configured_in(base.state, true) {
         return Err(Abort::DEVICE_STATE);
     }
     if od.get(mux) == Some(bytes) && base.rules.same_mapping_taken() {

@@ -13,12 +13,13 @@ impl Mcm260x {
     pub(super) fn count(&mut self, now: Instant, od: &mut Dictionary) {
         if now > self.next_tenth + LONG {
             // The intervals before the last full second leave no trace.
-            self.next_tenth = Instant((now.0 / SECOND - 1) * SECOND);
+            let seconds = now.since(self.intervals_from).as_secs() - 1;
+            self.next_tenth = self.intervals_from + Duration::from_secs(seconds);
         }
         let counts = self.rules.counts_in(self.state);
         while self.next_tenth <= now {
             let end = self.next_tenth;
-            let number = end.0 / TENTH.as_nanos() as u64;
+            let number = end.since(self.intervals_from).as_nanos() / TENTH.as_nanos();
             let of_second = number.is_multiple_of(TENTHS_IN_A_SECOND);
             for (encoder, setup) in self.encoders.iter_mut().zip(&self.setups) {
                 encoder.follow(end, setup.counting(counts), &self.rules);
@@ -103,7 +104,6 @@ impl Mcm260x {
     }
 }
 
-const SECOND: u64 = 1_000_000_000;
 /// Counts that took longer than this to be looked at are not gone through interval by interval.
 const LONG: Duration = Duration::from_secs(3);
 /// How often the counts of a shaft that turns are looked at, in nanoseconds.

@@ -274,7 +274,7 @@ const fn rises(from: i64, to: i64) -> i64 {
 /// The shorter of the two intervals.
 pub(super) const TENTH: Duration = Duration::from_millis(100);
 /// How many of them are the longer one.
-pub(super) const TENTHS_IN_A_SECOND: u64 = 10;
+pub(super) const TENTHS_IN_A_SECOND: u128 = 10;
 const NANOSECONDS_IN_1000_S: i128 = 1_000_000_000_000;
 
 #[cfg(test)]

@@ -118,10 +118,15 @@ impl Inside {
 
     /// Reports what is wrong, and what is no more.
     pub(super) fn report(&mut self, now: Instant, errors: &mut Errors, rules: &Mcm260xRules) {
+        let is_event = !rules.overflow_lasts() && self.overflow_ends.take().is_some();
         self.overflow_ends = self.overflow_ends.filter(|end| now < *end);
         let bus = self.bus.present(self.overflow_ends);
         let board = if rules.reports_board() { self.board } else { Module::Fitted };
-        emergency::tell(self.found, bus, board, errors);
+        let unread = self.found.unread.filter(|_| rules.reports_memory());
+        emergency::tell(Found { unread, ..self.found }, bus, board, errors);
+        if is_event {
+            emergency::mention(self.bus, errors);
+        }
     }
 
     /// When an error ends by itself.

@@ -148,6 +148,16 @@ decisions! {
         board.differs(stored)
     }
 
+    /// A buffer that ran over is an error for a moment, with an end, and no mere event (11.9).
+    fn overflow_lasts(&self) -> bool {
+        true
+    }
+
+    /// A part of the memory that cannot be read is a configuration that does not coincide (11.9).
+    fn reports_memory(&self) -> bool {
+        true
+    }
+
     /// The board inside has the messages of a module (11.9).
     fn reports_board(&self) -> bool {
         true
@@ -295,6 +305,12 @@ decisions! {
     /// Each preset has words of its own (11.3.4).
     fn preset_place(&self, place: usize) -> usize {
         place
+    }
+
+    /// The intervals are those of a clock that runs while there is power, and begin anew with a
+    /// start or not (11.3.6, 11.3.7).
+    fn intervals_begin_with_the_start(&self) -> bool {
+        false
     }
 
     /// With a start no interval has counts (11.3.6, 11.3.7).

@@ -170,6 +170,16 @@ pub(crate) fn tell(found: Found, bus: BusFault, module: Module, errors: &mut Err
     }
 }
 
+/// Reports a fault of the CAN controller as an event that has no end and no bit in 1001h.
+pub(crate) fn mention(bus: BusFault, errors: &mut Errors) {
+    for report in reports(Found::default(), bus, Module::Fitted) {
+        errors.mention(report.code, report.register, report.vendor);
+        if report.reacts {
+            errors.react(COMMUNICATION_ERROR);
+        }
+    }
+}
+
 /// Power-on with default settings: an event that has no end, and no code of its own.
 pub(crate) const BOOT: Report = Report {
     error: 4,

@@ -113,6 +113,8 @@ pub(crate) struct Controller {
     output: f64,
     cooling: f64,
     was_manual: bool,
+    /// The sensor was broken at the last decision.
+    was_broken: bool,
     /// PID control has the command.
     is_automatic: bool,
     functions: Option<Functions>,
@@ -180,7 +182,7 @@ impl Controller {
         let reading = self.input.sample(connected, &settings.reading, elapsed, rules);
         let on = self.drives_load(inputs.master.is_some(), settings);
         self.transformer.step((inputs.milliamperes, on), &settings.current, rules);
-        let seen = (reading.is_error, inputs.terminals);
+        let seen = (reading.is_error, settings.is_thermocouple, inputs.terminals);
         let flags = self.flags.shown(inputs.faults, seen, rules) | self.transformer.flags(rules);
         let is_error = flags::is_error(flags, settings.is_thermocouple, rules);
         Measured {
@@ -202,6 +204,12 @@ impl Controller {
         }
     }
 
+    /// Whether that output is in another state than when the load was measured last.
+    pub(crate) fn switched_load(&self, is_expansion: bool, settings: &Settings) -> bool {
+        let on = self.drives_load(is_expansion, settings);
+        settings.current.enabled && self.transformer.was_on() != on
+    }
+
     /// The master has the outputs, and nothing is controlled.
     fn expand(
         &mut self,
@@ -216,6 +224,7 @@ impl Controller {
         self.output = 0.0;
         self.cooling = 0.0;
         self.tuning.abandon();
+        self.was_broken = measured.sensor_error;
         let Measured { flags, error, .. } = measured;
         let process = if rules.shows_process(true) { measured.process } else { 0 };
         let (set_point, manual, offline) = (inputs.set_point, inputs.manual, inputs.offline);
@@ -366,8 +375,7 @@ impl Controller {
         self.has_run |= inputs.running;
         self.last_set_point = wanted;
         if !inputs.running {
-            self.soft_start = SoftStart::default();
-            return wanted;
+            return self.soft_start.interrupted(wanted, &settings.soft_start, rules);
         }
         self.soft_start.set_point(wanted, process, &settings.soft_start, rules)
     }
@@ -382,7 +390,11 @@ impl Controller {
         rules: &Rules,
     ) -> (Wanted, bool, Option<Found>) {
         let asked = rules.manual(settings.manual, inputs.manual);
-        let breaks = sight.broken && rules.break_leads_to_manual(settings.manual) && inputs.running;
+        let is_new = !std::mem::replace(&mut self.was_broken, sight.broken);
+        let breaks = sight.broken
+            && (is_new || rules.lasting_break_counts())
+            && rules.break_leads_to_manual(settings.manual)
+            && inputs.running;
         let manual = asked || breaks;
         (self.cooling, self.is_automatic) = (0.0, false);
         let goes_on = asked && rules.manual_goes_on_in_stop();
@@ -404,7 +416,9 @@ impl Controller {
             self.was_manual = true;
             (Wanted::Share(self.output), None)
         } else if sight.error && rules.errors_concern(settings.pid.is_some()) {
-            self.tuning.abandon();
+            if rules.error_ends_tuning() {
+                self.tuning.abandon();
+            }
             self.output = 0.0;
             (Wanted::State(settings.error), None)
         } else {

@@ -36,6 +36,8 @@ pub(super) struct Transformer {
     watched: [Watched; 4],
     /// In tenths of an ampere.
     amperes: f64,
+    /// The output of the load was on.
+    on: bool,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -85,6 +87,7 @@ impl Transformer {
             *self = Self::default();
             return;
         }
+        self.on = on;
         self.amperes = rules.tenths_of_amperes(milliamperes, settings.full_scale);
         let (amperes, threshold) = (self.amperes, settings.break_threshold);
         let nothing = amperes <= threshold * NOTHING;
@@ -127,6 +130,11 @@ impl Transformer {
     /// In tenths of an ampere.
     pub(super) const fn amperes(&self) -> f64 {
         self.amperes
+    }
+
+    /// Whether the output of the load was on when it was measured last.
+    pub(super) const fn was_on(&self) -> bool {
+        self.on
     }
 
     /// The threshold that the key teaches, in tenths of an ampere; `None` without a current (7.7

@@ -66,13 +66,14 @@ impl Flags {
     pub(super) fn shown(
         self,
         faults: Faults,
-        (sensor, terminals): (bool, f64),
+        (sensor, is_thermocouple, terminals): (bool, bool, f64),
         rules: &Rules,
     ) -> i64 {
+        let has_junction = is_thermocouple || rules.junction_is_of_any_sensor();
         let bits = [
-            (!rules.junction_works(terminals), 0),
+            (has_junction && !rules.junction_works(terminals), 0),
             (sensor, 1),
-            (faults.module, 5),
+            (faults.module && rules.board_is_generic_error(), 5),
             (faults.machine, 6),
         ];
         let set = bits.iter().filter(|(is_set, _)| *is_set);
@@ -104,10 +105,10 @@ mod tests {
         let mut flags = Flags::default();
         for (word, memory) in MemoryFault::WORDS {
             let faults = Faults { memory, ..Faults::default() };
-            assert_eq!(flags.shown(faults, (false, 25.0), &Rules::plain()), 0, "{word}");
+            assert_eq!(flags.shown(faults, (false, true, 25.0), &Rules::plain()), 0, "{word}");
             assert_eq!(flags.write(faults), word != "write");
             flags.restart(faults, &Rules::plain());
-            let is_seen = flags.shown(faults, (false, 25.0), &Rules::plain()) != 0;
+            let is_seen = flags.shown(faults, (false, true, 25.0), &Rules::plain()) != 0;
             assert_eq!(is_seen, !matches!(word, "none" | "write"), "{word}");
             flags = Flags::default();
         }
@@ -116,7 +117,7 @@ mod tests {
     #[test]
     fn the_rest_shows_at_once() {
         let shown = |faults, sensor, terminals| {
-            Flags::default().shown(faults, (sensor, terminals), &Rules::plain())
+            Flags::default().shown(faults, (sensor, true, terminals), &Rules::plain())
         };
         let machine = Faults { machine: true, ..Faults::default() };
         let module = Faults { module: true, ..Faults::default() };

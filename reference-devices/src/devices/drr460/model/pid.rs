@@ -28,8 +28,10 @@ impl Settings {
     /// `double_loop` says that an alarm cools.
     pub(super) fn of(parameters: &Parameters, double_loop: bool) -> Self {
         let rules = parameters.rules;
-        let is_proportional = parameters.get(33) > 0;
-        let band = if is_proportional { parameters.get(33) as f64 } else { NO_BAND };
+        let configured = (parameters.get(33) > 0).then(|| parameters.get(33) as f64);
+        let band = configured.or_else(|| rules.band_without_one());
+        let is_proportional = band.is_some();
+        let band = band.unwrap_or(NO_BAND);
         let cooling_band = rules.cooling_band(band, parameters.get(42) as f64 / 100.0).max(1.0);
         let (low, high) = (parameters.get(45) as f64 / 100.0, parameters.get(46) as f64 / 100.0);
         Self {

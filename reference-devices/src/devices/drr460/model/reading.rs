@@ -5,7 +5,7 @@ use super::filter::Filter;
 use super::latch::{self, Latch};
 use super::parameters::Parameters;
 use super::rules::Rules;
-use crate::devices::pixsys::sensor::{Connected, Seen, Sensor};
+use crate::devices::pixsys::sensor::{Connected, Seen, Sensor, Wiring};
 
 /// The settings of the input.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,6 +59,8 @@ pub(super) struct Input {
     /// The connection at the last sample, and its age.
     held: Option<Connected>,
     since: f64,
+    /// The process value that was shown last.
+    shown: i64,
 }
 
 /// The result of a sample.
@@ -93,12 +95,17 @@ impl Input {
                 let wires = if settings.sensor.is_linear() { 0.0 } else { rules.wires(terminals) };
                 let digits = self.digits(value + wires, settings, rules);
                 let digits = rules.calibrated(digits, settings.gain, settings.offset);
-                let process = whole(self.filter.take(digits, settings.samples, elapsed, rules));
-                Reading { process, is_error: false }
+                self.shown = whole(self.filter.take(digits, settings.samples, elapsed, rules));
+                Reading { process: self.shown, is_error: false }
             }
             Seen::Outside(end) => {
                 self.filter.clear();
-                Reading { process: whole(self.digits(end, settings, rules)), is_error: true }
+                let at_end = whole(self.digits(end, settings, rules));
+                let shorted = connected.wiring == Wiring::Shorted;
+                if rules.shows_end(settings.sensor.is_linear(), shorted) {
+                    self.shown = at_end;
+                }
+                Reading { process: self.shown, is_error: true }
             }
         }
     }
@@ -150,7 +157,6 @@ mod tests {
     use crate::devices::drr460::model::parameters::List;
     use crate::devices::drr460::model::rules::Rules;
     use crate::devices::pixsys::SENSOR_RANGES;
-    use crate::devices::pixsys::sensor::Wiring;
 
     fn read(list: &[(u8, i64)], connected: Connected, terminals: f64) -> (i64, bool) {
         let settings = Settings::of(&Parameters::listed(list, &Rules::plain()));

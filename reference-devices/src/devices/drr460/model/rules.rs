@@ -115,6 +115,17 @@ decisions! {
         (0.0..=50.0).contains(&terminals)
     }
 
+    /// An input without a value shows the end of its range, linear or not, and with terminals in
+    /// short circuit, too. Otherwise it shows the last value.
+    fn shows_end(&self, _linear: bool, _shorted: bool) -> bool {
+        true
+    }
+
+    /// The error is one of any sensor, with a cold junction or without.
+    fn junction_is_of_any_sensor(&self) -> bool {
+        true
+    }
+
     /// In the standard procedure latch-on ends after 120 s (7.11).
     fn latch_time(&self) -> f64 {
         120.0
@@ -133,6 +144,11 @@ decisions! {
     /// Each sub of 4011h has its effect (7.11).
     fn learns(&self, _sub: u8) -> bool {
         true
+    }
+
+    /// What is read of a sub of 4011h other than the first after it was written: the same.
+    fn latch_command_reads(&self, written: i64) -> i64 {
+        written
     }
 
     /// The values that latch-on learned survive power-off (7.11).
@@ -235,6 +251,11 @@ decisions! {
         allowed == 2
     }
 
+    /// A sensor that was broken before leads there as well, once the rest is given (7.6).
+    fn lasting_break_counts(&self) -> bool {
+        true
+    }
+
     /// The manual mode of a broken sensor lasts until the master ends it (7.6).
     fn break_is_kept(&self) -> bool {
         true
@@ -263,6 +284,12 @@ decisions! {
     /// Without a band and without an integral time, control is on/off (11.3.2, sub 33).
     fn is_on_off(&self, band: i64, integral_time: i64) -> bool {
         band == 0 && integral_time == 0
+    }
+
+    /// The band in digits of a controller with an integral time and no band; `None` leaves the
+    /// integral part alone. The manual has no figure.
+    fn band_without_one(&self) -> Option<f64> {
+        None
     }
 
     /// STOP clears the integral of PID control.
@@ -415,8 +442,18 @@ decisions! {
         (bands, integral_time)
     }
 
+    /// An error ends a tuning, which has no process value then (11.3.2, sub 20).
+    fn error_ends_tuning(&self) -> bool {
+        true
+    }
+
     /// Each value that 400Eh takes has its effect (7.5, 11.3.17).
     fn obeys_tuning(&self, _value: i64) -> bool {
+        true
+    }
+
+    /// A tuning takes some swings about its threshold, not one overshoot. The manual has no method.
+    fn swings_to_tune(&self) -> bool {
         true
     }
 
@@ -477,6 +514,11 @@ decisions! {
 
     /// A soft start follows START, also after a STOP (7.9).
     fn soft_starts(&self, _since_power_on: bool) -> bool {
+        true
+    }
+
+    /// A soft start ends with STOP, so that 4008h is the set point again (7.9, 11.3.11).
+    fn stop_ends_soft_start(&self) -> bool {
         true
     }
 
@@ -615,6 +657,11 @@ decisions! {
         bit
     }
 
+    /// A fault of the board inside is the generic error (11.3.10, bit 5).
+    fn board_is_generic_error(&self) -> bool {
+        true
+    }
+
     /// The flags that are an error: those that leave no process value (11.3.2, subs 20, 59, 71 and
     /// 104).
     fn errors(&self, without_process: i64) -> i64 {
@@ -631,8 +678,23 @@ decisions! {
         false
     }
 
+    /// A buffer that ran over is an error for a moment, with an end, and no mere event (11.9).
+    fn overflow_lasts(&self) -> bool {
+        true
+    }
+
+    /// A part of the memory that cannot be read is a configuration that does not coincide (11.9).
+    fn reports_memory(&self) -> bool {
+        true
+    }
+
     /// The board inside has the messages of a module (11.9).
     fn reports_module(&self) -> bool {
+        true
+    }
+
+    /// 2000h sub 3 takes states that it does not list, which mean the default (11.3.1).
+    fn takes_boot_state(&self, _state: i64) -> bool {
         true
     }
 
@@ -648,6 +710,11 @@ decisions! {
             Some(node) if switches.rate(code) == bus => Attachment::Node(node),
             _ => Attachment::Off,
         }
+    }
+
+    /// Reset node reads the switches, as power-on does (6.3).
+    fn reset_reads_switches(&self) -> bool {
+        true
     }
 
     /// Switches are read at power-on, not when they are moved (6.3).

@@ -95,6 +95,17 @@ impl SoftStart {
         }
     }
 
+    /// The set point in force while STOP interrupts it.
+    pub(super) fn interrupted(&mut self, wanted: i64, settings: &Settings, rules: &Rules) -> i64 {
+        if rules.stop_ends_soft_start() || settings.kind != self.kind {
+            *self = Self::default();
+        }
+        match self.phase {
+            Phase::Gradient { at } => at.round() as i64,
+            Phase::Percentage | Phase::Done => wanted,
+        }
+    }
+
     /// Advances the time.
     pub(super) fn advance(&mut self, elapsed: f64) {
         self.since += elapsed;

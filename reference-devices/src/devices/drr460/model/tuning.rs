@@ -19,6 +19,7 @@ pub(super) struct Settings {
     direction: i64,
     waits_for_master: bool,
     forces: bool,
+    swings: bool,
 }
 
 impl Settings {
@@ -37,6 +38,7 @@ impl Settings {
             direction: if parameters.cools() { -1 } else { 1 },
             waits_for_master: rules.tuning_waits_for_master(),
             forces: rules.tuning_forces(),
+            swings: rules.swings_to_tune(),
         }
     }
 }
@@ -157,6 +159,7 @@ impl Tuning {
         let direction = settings.direction;
         let threshold = match settings.kind {
             MANUAL => set_point * direction - settings.deviation,
+            _ if !settings.swings => set_point * direction,
             _ => (process + set_point) * direction / 2,
         };
         let process = process * direction;
@@ -209,11 +212,18 @@ impl Tuning {
 
     fn swing(&mut self, process: i64, settings: &Settings, elapsed: f64) -> Step {
         let Some(swing) = &mut self.swing else { return Step::default() };
-        let amplitude = swing.follow(process * settings.direction, elapsed);
+        let process = process * settings.direction;
+        let amplitude = match settings.swings {
+            true => swing.follow(process, elapsed),
+            false => swing.overshoot(process, elapsed),
+        };
         let Some(amplitude) = amplitude else {
             return Step { forced: Some(swing.on), found: None };
         };
-        let found = found(amplitude, swing.period, settings);
+        let found = match settings.swings {
+            true => found(amplitude, swing.period, settings),
+            false => found_by_overshoot(amplitude, swing.period, settings),
+        };
         let completed = settings.kind == SYNCHRONISED && settings.waits_for_master;
         let status = if completed { Status::Completed } else { Status::Off };
         *self = Self { status, swing: None, ..*self };
@@ -242,6 +252,33 @@ impl Swing {
     }
 }
 
+impl Swing {
+    /// Follows the process over the threshold once, and until it turns; gives how far it went.
+    fn overshoot(&mut self, process: i64, elapsed: f64) -> Option<f64> {
+        self.period += elapsed;
+        self.on = self.crossings == 0 && process < self.threshold;
+        if self.on {
+            return None;
+        }
+        let before = if self.crossings == 0 { process } else { self.highest };
+        self.crossings = 1;
+        self.highest = before.max(process);
+        let turned = process <= self.highest - TURNED;
+        turned.then_some((self.highest - self.threshold).abs() as f64)
+    }
+}
+
+/// Another rule, for a process that goes over the threshold once.
+fn found_by_overshoot(overshoot: f64, period: f64, settings: &Settings) -> Found {
+    let (least, greatest) = settings.bands;
+    let integral_time = (period.max(settings.least_integral_time).min(2000.0) * 10.0).round();
+    Found {
+        band: (2.0 * overshoot + 10.0).clamp(least, greatest) as i64,
+        integral_time: integral_time as i64,
+        derivative_time: (integral_time as i64 / 4).min(10_000),
+    }
+}
+
 /// The rule of Ziegler and Nichols for a relay that switches between nothing and all.
 fn found(amplitude: f64, period: f64, settings: &Settings) -> Found {
     // Half of the output swings, so the critical gain is 2 / (pi * amplitude) of full output.
@@ -257,6 +294,8 @@ fn found(amplitude: f64, period: f64, settings: &Settings) -> Found {
 
 /// In seconds.
 const ROUNDING: f64 = 1e-6;
+/// Digits by which a process that has turned has come back.
+const TURNED: i64 = 5;
 
 const AUTOMATIC: i64 = 1;
 const MANUAL: i64 = 2;

@@ -22,6 +22,11 @@ deviations! {
     "error-state-20-ma-is-21-5" =>
         milliamperes: |_, code| match code { 0 => 0.0, 1 => 4.0, _ => 21.5 };
     "output-refused-in-automatic-mode" => output_accepts: |_, manual| manual;
+    "unlisted-boot-states-refused" =>
+        takes_boot_state: |_, state| matches!(state, 0 | 4 | 5 | 127);
+    "terminals-compensated-anywhere" => compensated: |_, terminals| terminals;
+    "last-value-on-an-error" => shows_end: |_, linear, shorted| !linear && !shorted;
+    "smallest-band-without-one" => band_without_one: |_| Some(1.0);
     "contact-closed-from-code-1" => closed: |_, code| code > 0;
     "valve-states-swapped" => valve_state: |_, code| if code % 2 == 1 { 1.0 } else { 0.0 };
     "valve-contacts-swapped" => valve_contacts: |_, opens, closes| [closes, opens];
