@@ -212,14 +212,15 @@ impl Drr460 {
         self.memory.keep(od);
         // What was measured belongs to an output that has changed since.
         self.changed |= self.controller.switched_load(self.inputs.master.is_some(), &self.settings);
+        let between = self.rules.control_cycle();
         let wait = match self.is_settled() {
             true => self
                 .controller
                 .left(&self.settings)
                 .map(|left| Duration::from_secs_f64(left.max(0.0))),
-            false => Some(BETWEEN_DECISIONS),
+            false => Some(between),
         };
-        self.next_decision = wait.map(|wait| self.at + wait.max(BETWEEN_DECISIONS));
+        self.next_decision = wait.map(|wait| self.at + wait.max(between));
     }
 
     /// Takes the values that the network has written.
@@ -656,8 +657,6 @@ const BOOT_STATE: Mux = Mux::new(0x2000, 3);
 const ANALOGUE_INPUTS: u16 = 0x6401;
 /// The analogue input of the process value.
 const PROCESS_INPUT: usize = 0;
-/// Time from one decision to the next while something moves.
-const BETWEEN_DECISIONS: Duration = Duration::from_millis((model::PERIOD * 1000.0) as u64);
 /// 100 % in hundredths of a per cent.
 const FULL_OUTPUT: f64 = 10_000.0;
 /// The bit of 4007h of the first part of the EEPROM.

@@ -93,6 +93,28 @@ impl Sensor {
         }
     }
 
+    /// The signal of a linear input that errs only where a wire is certainly broken: below 3.6 mA of
+    /// a live zero, or at a potentiometer.
+    pub(crate) fn see_without_end(self, connected: Connected) -> Seen {
+        let flows = connected.wiring == Wiring::Connected;
+        match self {
+            Self::Temperature(_) => Seen::Value(connected.celsius),
+            Self::Voltage(high) => {
+                Seen::Value(if flows { connected.millivolts / high } else { 0.0 })
+            }
+            Self::Current(low) => {
+                let seen = if flows { connected.microamperes } else { 0.0 };
+                let broken = low > 0.0 && seen < LIVE_ZERO_BROKEN;
+                let share = (seen - low) / (FULL_CURRENT - low);
+                if broken { Seen::Outside(-MARGIN) } else { Seen::Value(share) }
+            }
+            Self::Potentiometer(kilohms) => match flows {
+                true => Seen::Value(connected.percent / 100.0 * connected.kilohms / kilohms),
+                false => Seen::Outside(1.0 + MARGIN),
+            },
+        }
+    }
+
     /// The signal of an input that is off by a share of its full scale.
     pub(crate) fn off_by(self, seen: Seen, share: f64) -> Seen {
         let (low, high) = match self {
@@ -156,6 +178,8 @@ const THERMOCOUPLES: usize = 8;
 const NTC: usize = 10;
 /// In microamperes.
 const FULL_CURRENT: f64 = 20_000.0;
+/// In microamperes, below which a live zero means a broken wire. The manuals leave it open.
+const LIVE_ZERO_BROKEN: f64 = 3600.0;
 /// How far a linear signal may leave its range before that is an error, as a share of the range.
 /// The manuals leave it open.
 const MARGIN: f64 = 0.05;

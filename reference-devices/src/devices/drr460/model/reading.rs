@@ -89,7 +89,10 @@ impl Input {
         if self.sensor.replace(settings.sensor) != Some(settings.sensor) {
             self.filter.clear();
         }
-        let seen = settings.sensor.see(connected, terminals, lag);
+        let seen = match settings.sensor.is_linear() && !rules.linear_signals_end() {
+            true => settings.sensor.see_without_end(connected),
+            false => settings.sensor.see(connected, terminals, lag),
+        };
         match settings.sensor.off_by(seen, rules.input_error()) {
             Seen::Value(value) => {
                 let wires = if settings.sensor.is_linear() { 0.0 } else { rules.wires(terminals) };

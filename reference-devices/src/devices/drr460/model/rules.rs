@@ -115,6 +115,16 @@ decisions! {
         (0.0..=50.0).contains(&terminals)
     }
 
+    /// A linear signal far beyond its range is an error (11.3.10, bit 1).
+    fn linear_signals_end(&self) -> bool {
+        true
+    }
+
+    /// How often the controller decides while something moves. The manual has no figure.
+    fn control_cycle(&self) -> Duration {
+        Duration::from_millis(100)
+    }
+
     /// An input without a value shows the end of its range, linear or not, and with terminals in
     /// short circuit, too. Otherwise it shows the last value.
     fn shows_end(&self, _linear: bool, _shorted: bool) -> bool {
