@@ -93,8 +93,8 @@ impl Sensor {
         }
     }
 
-    /// The signal of a linear input that errs only where a wire is certainly broken: below 3.6 mA of
-    /// a live zero, or at a potentiometer.
+    /// The signal of a linear input that errs only where a wire is certainly broken: below 3.6 mA
+    /// of a live zero, or at a potentiometer.
     pub(crate) fn see_without_end(self, connected: Connected) -> Seen {
         let flows = connected.wiring == Wiring::Connected;
         match self {
