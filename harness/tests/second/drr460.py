@@ -929,7 +929,8 @@ class Drr460(Node):
         self.q = [bool(bits & 1), bool(bits & 2)]
         value = self.od[0x6411, 1].value
         self.current = self.along(value, self.p(126), self.p(127), self.p(125))
-        self.percent, self.cold = 0, 0.0
+        # 7.12: the functions of the controller are disabled.
+        self.percent, self.cold, self.tune, self.tune_data = 0, 0.0, 0, None
 
     def error_outputs(self):
         """A communication error: 6206h, 6207h, 6443h and 6444h (11.4.2, 11.4.13)."""
