@@ -414,8 +414,8 @@ impl<'s> Judge<'s> {
         self.plain(format!("missing-{what}"), name, said(*frame), "nothing".to_owned())
     }
 
-    /// What the first replica is a control cycle later if nothing more comes: a clock that is faster
-    /// is ahead in what has moved since long.
+    /// What the first replica is a control cycle later if nothing more comes: a faster clock is
+    /// ahead in what has moved since long.
     fn ahead(&self, at: Instant) -> Option<Lane> {
         let mut lane = self.own_time.then(|| self.first.clone())?;
         lane.pass(at + CYCLE);
