@@ -49,3 +49,25 @@ fn mapped(id: Id, od: &Dictionary) -> Option<Vec<(Mapping, DataType)>> {
     };
     (1..=int(index + 0x200, 0)?.clamp(0, 64) as u8).map(entry).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use reference_devices::change::Deviation;
+    use reference_devices::devices;
+
+    use super::*;
+
+    #[test]
+    fn a_value_of_a_tpdo_lies_among_those_of_the_replicas() {
+        let device = devices::device("mcm260x-9ad").unwrap();
+        let built = Deviation::default().build(&device, 1).unwrap();
+        let od = built.node().dictionary();
+        let index =
+            (0x1A00..=0x1BFF).find(|index| od.int(Mux::new(*index, 1)) == Some(0x6401_0110));
+        let id = CobId(od.int(Mux::new(index.unwrap() - 0x200, 1)).unwrap() as u32).can_id().raw();
+        let frame = |value: u16| format!("{id:03X}#{:04X}000000000000", value.swap_bytes());
+        let [low, high] = [100, 110].map(|value| frame(value).parse().unwrap());
+        let lies = |value| lies_among(&frame(value).parse().unwrap(), &[low, high], od);
+        assert_eq!([99, 100, 105, 110, 111].map(lies), [false, true, true, true, false]);
+    }
+}

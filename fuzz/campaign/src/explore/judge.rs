@@ -13,13 +13,11 @@ use reference_devices::change::Replica;
 use super::align::{LEAD, aligned};
 use super::band::{lies_among, lies_in};
 use super::lane::{GRACE, Lane, Sent};
-use super::shift::{SHIFTS, SHIFTS_ON_BUS, Shift, Shifted};
+use super::shift::{CYCLE, SHIFTS, SHIFTS_ON_BUS, Shift, Shifted};
 use crate::blueprint::Blueprint;
 use crate::oracle::{Difference, End, Seen, Violation, What};
 use crate::surface::Surface;
 
-/// A control cycle: what a device does within it, before or after it notices, nobody knows.
-pub(super) const CYCLE: Duration = Duration::from_millis(100);
 /// How far the phase of an LED that blinks may be another one, and how closely that is looked at.
 /// Three flashes and their pause take two seconds (CiA 303-3).
 const PHASE: Duration = Duration::from_secs(2);

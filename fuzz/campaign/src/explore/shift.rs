@@ -1,6 +1,8 @@
 //! What the tester did, at other moments for another replica: what a device does with something
 //! depends on where in its cycle it gets it, and that is known of the model only.
 
+use std::time::Duration;
+
 use canopen::sdo::{REQUEST_COB_ID, Request};
 use canopen::{Id, Instant};
 use reference_devices::change::Replica;
@@ -45,13 +47,18 @@ impl Shift {
     }
 }
 
+/// A control cycle: what a device does within it, before or after it notices, nobody knows.
+pub(in crate::explore) const CYCLE: Duration = Duration::from_millis(100);
+const CYCLES: i64 = CYCLE.as_millis() as i64;
 const MILLISECOND: i64 = 1_000_000;
-pub(super) const SHIFTS: [Shift; 2] = [Shift::all(-100), Shift::all(100)];
+pub(super) const SHIFTS: [Shift; 2] = [Shift::all(-CYCLES), Shift::all(CYCLES)];
 /// The same for a device in a time of its own: what blinks changes within a cycle, what it gets may
-/// come at another moment of its cycle, and a moment before or after what it does by itself.
+/// come at another moment of its cycle, and a moment before or after what it does by itself. The
+/// clocks of 200 to 800 ms are for intervals of a second. The steps were found by trial, with
+/// devices that go on for 1500 sessions.
 pub(super) const SHIFTS_ON_BUS: [Shift; 19] = [
-    Shift::all(-100),
-    Shift::all(100),
+    Shift::all(-CYCLES),
+    Shift::all(CYCLES),
     Shift::all(-50),
     Shift::all(50),
     Shift::apart(6),
@@ -207,5 +214,17 @@ mod tests {
         // A boot-up after a reset comes earlier with the reset.
         let reset = [seen(500_000, true, "000#8101"), all[0].clone(), all[1].clone()];
         assert_eq!(shifted(&reset, SHIFTS[0], 1)[1].0, Instant(1_101_000_000));
+    }
+
+    /// Only the reset is moved, so that what follows falls elsewhere in the cycle.
+    #[test]
+    fn a_cycle_that_began_earlier_gets_the_rest_at_its_time() {
+        let all = [
+            seen(500_000, true, "000#8101"),
+            seen(1_200_000, false, "701#00"),
+            seen(1_201_000, true, "000#0101"),
+        ];
+        let times: Vec<_> = shifted(&all, Shift::began(25), 1).iter().map(|it| it.0).collect();
+        assert_eq!(times, [Instant(475_000_000), Instant(1_201_000_000)]);
     }
 }

@@ -6,7 +6,7 @@ use canopen::Mux;
 use canopen::eds::Term;
 
 use super::{Draw, LONGEST_ON_BUS};
-use crate::explore::judge::CYCLE;
+use crate::explore::shift::CYCLE;
 use crate::surface::{PROCESS, Setting, Unit, Values};
 
 /// The sorts of values. Each of a few codes is a sort of its own, from 16 on.

@@ -74,6 +74,6 @@ fn nothing_is_found_on_a_device_that_goes_on() {
 
 #[test]
 fn a_mistake_is_found_on_a_device_that_goes_on() {
-    let (findings, _) = explored("drr460", Some("filter-on-by-default"), 8);
+    let (findings, _) = explored("drr460", Some("filter-on-by-default"), 1);
     assert!(!findings.is_empty());
 }
