@@ -34,7 +34,7 @@ use crate::model::Model;
 use expected::{Expected, Must, Queues};
 use identifiers::{Class, HELD, Identifiers};
 use known::Known;
-use sdo::{Before, Request};
+use sdo::{Before, Request, Requests, Transfer, Transfers};
 use streams::{Streams, Taken};
 
 pub(crate) use sdo::is_request;
@@ -190,8 +190,10 @@ pub struct Oracle<'b> {
     answered: bool,
     /// A reset that the model gets when the device has booted, in its own time.
     held: Option<Held>,
-    /// The last two requests: what looks like a request may be a segment of a block.
-    requests: [Option<Request>; 2],
+    /// What was requested of the device.
+    requests: Requests,
+    /// What the model answers.
+    transfers: Transfers,
     /// Since when the bus has been busy, and when it last was.
     busy: (Instant, Instant),
     /// Whether the device has refused a transfer of which the model knows nothing.
@@ -206,6 +208,8 @@ pub struct Oracle<'b> {
     configured: BTreeMap<u16, Instant>,
     /// The application has reported an error.
     errors: bool,
+    /// What is wrong unless it has one, which it has not reported yet.
+    suspicion: Option<Suspicion>,
     /// Objects that the application has given other values than the network has.
     followed: BTreeSet<Mux>,
     /// Texts of the application that were written since the last reset.
@@ -239,6 +243,13 @@ struct Early {
     expected: Option<Frame>,
 }
 
+/// What is wrong unless the application reports an error.
+#[derive(Clone, Debug)]
+struct Suspicion {
+    until: Instant,
+    violation: Violation,
+}
+
 impl<'b> Oracle<'b> {
     /// The judge of a device that is like `device`, both of which are switched on at time 0.
     pub fn new(blueprint: &'b Blueprint, device: Box<dyn Replica>) -> Self {
@@ -259,7 +270,8 @@ impl<'b> Oracle<'b> {
             last: None,
             answered: true,
             held,
-            requests: [None, None],
+            requests: Requests::default(),
+            transfers: Transfers::default(),
             busy: (Instant::ZERO, Instant::ZERO),
             refused: false,
             taken: 0,
@@ -267,6 +279,7 @@ impl<'b> Oracle<'b> {
             started: Instant::ZERO,
             configured: BTreeMap::new(),
             errors: blueprint.has_errors(),
+            suspicion: None,
             followed: BTreeSet::new(),
             texts: BTreeSet::new(),
             kept: blueprint.kept().objects.clone(),
@@ -306,7 +319,7 @@ impl<'b> Oracle<'b> {
             Seen::Power(at, on) => {
                 self.advance(Instant(at.0.saturating_add(1)))?;
                 self.model.power(at, on);
-                self.requests = [None, None];
+                self.requests.clear();
                 self.forget_application();
                 self.release();
                 self.held = None;
@@ -369,13 +382,17 @@ impl<'b> Oracle<'b> {
 
     /// A frame that the model may still send, where nothing more will be seen.
     pub(crate) fn unexplained(&self) -> Option<End> {
+        if let Some(suspicion) = &self.suspicion {
+            return Some(End::Violation(suspicion.violation.clone()));
+        }
         let Early { until, frame, expected } = *self.early.first()?;
         wrong(until, What::Unexpected(frame, expected)).err()
     }
 
     /// Whether the device owes anything that it does not send again and again.
     pub(crate) fn owes(&self) -> bool {
-        self.queues.owe() || !self.early.is_empty() || self.held.is_some()
+        let doubts = !self.early.is_empty() || self.suspicion.is_some();
+        self.queues.owe() || doubts || self.held.is_some()
     }
 
     /// How many frames the device owes.
@@ -432,11 +449,7 @@ impl<'b> Oracle<'b> {
             if let Some(mux) = request.writes() {
                 self.texts.remove(&mux);
             }
-            let [first, last] = std::mem::take(&mut self.requests);
-            // However many segments look like requests, the one that they belong to is kept.
-            let of_one_block = |last: &Request| last.like_segment && request.like_segment;
-            let kept = if last.as_ref().is_some_and(of_one_block) { first } else { last };
-            self.requests = [kept, Some(request)];
+            self.requests.begin(request);
             self.refused = false;
         }
         self.last = Some(*frame);
@@ -492,7 +505,7 @@ impl<'b> Oracle<'b> {
     fn give(&mut self, now: Instant, frame: &Frame) -> Result<(), End> {
         self.taken += 1;
         self.answered = !is_request(frame, self.blueprint.node()) && self.answered;
-        let tpdo = self.requests[1].as_ref().and_then(|request| request.configures(frame));
+        let tpdo = self.requests.last().and_then(|request| request.configures(frame));
         self.configured.extend(tpdo.map(|tpdo| (tpdo, now)));
         let before = self.model.state();
         if commands(frame, self.blueprint.node()) && self.known.enters() {
@@ -572,7 +585,7 @@ impl<'b> Oracle<'b> {
             self.kept.clear();
         }
         if let Some(period) = self.period(&class, &frame) {
-            let like = |early: &Early| self.is_said_by(&class, &early.frame, &frame);
+            let like = |early: &Early| self.is_said_by(&class, &early.frame, &frame, None);
             let early = self.early.iter().position(like);
             early.map(|place| self.early.remove(place));
             return match self.streams.expect(now, frame, period, self.late()) {
@@ -580,11 +593,13 @@ impl<'b> Oracle<'b> {
                 None => Ok(()),
             };
         }
-        let like = |early: &Early| self.is_said_by(&class, &early.frame, &frame);
+        let answers = matches!(class, Class::Sdo);
+        let of = answers.then(|| self.transfers.of(&frame, &self.requests)).flatten();
+        let like = |early: &Early| self.is_said_by(&class, &early.frame, &frame, of);
         if let Some(place) = self.early.iter().position(like) {
             let Early { frame: early, .. } = self.early.remove(place);
             self.queues.came(&early, now);
-            return self.follow(now, &class, &early, &frame);
+            return self.follow(now, &class, &early, &frame, of);
         }
         let must = match class {
             Class::Tpdo(ref tpdo) if self.is_free(tpdo) => {
@@ -602,7 +617,7 @@ impl<'b> Oracle<'b> {
             _ => Must::Come,
         };
         let later = self.later(&class);
-        self.queues.expect(Expected { at: now, frame, must, later });
+        self.queues.expect(Expected { at: now, frame, must, later, of });
         Ok(())
     }
 
@@ -616,8 +631,14 @@ impl<'b> Oracle<'b> {
     }
 
     /// Whether a frame of the device is one of the model.
-    fn is_said_by(&self, class: &Class, frame: &Frame, model: &Frame) -> bool {
-        frame.id == model.id && (frame == model || self.is_like(class, frame, model))
+    fn is_said_by(
+        &self,
+        class: &Class,
+        frame: &Frame,
+        model: &Frame,
+        of: Option<Transfer>,
+    ) -> bool {
+        frame.id == model.id && (frame == model || self.is_like(class, frame, model, of))
     }
 
     /// The period of a frame that a device sends by itself again and again, when only that can be
@@ -671,8 +692,8 @@ impl<'b> Oracle<'b> {
     }
 
     /// Whether an answer does not show another time than that of the model, once TIME has set both.
-    fn agrees_in_time(&self, frame: &Frame, expected: &Frame) -> bool {
-        let reads = self.requests[1].as_ref().and_then(Request::reads);
+    fn agrees_in_time(&self, frame: &Frame, expected: &Frame, of: Option<Transfer>) -> bool {
+        let reads = of.and_then(Transfer::reads);
         let clock = self.blueprint.kept().clock.filter(|clock| self.told && reads == Some(*clock));
         let time = |frame: &Frame| match (clock, Response::decode(&frame.data).ok()?) {
             (Some(_), Response::UploadSegment(segment)) => TimeOfDay::decode(&segment.data).ok(),
@@ -687,7 +708,7 @@ impl<'b> Oracle<'b> {
         // Whether a value that was written is an event, the application decides as well.
         let announced = self.blueprint.kept().announced;
         let decides = |mux: &Mux| self.is_volatile(*mux) || self.kept.contains(mux) && !announced;
-        matches!(tpdo.kind, 0 | 254..) && mapped.any(decides)
+        tpdo.by_events && mapped.any(decides)
     }
 
     /// When a TPDO began: with the last start, or when its parameters were last written.
@@ -732,11 +753,14 @@ impl<'b> Oracle<'b> {
             self.operational = now;
         }
         let mut streams = std::mem::take(&mut self.streams);
-        let like = |model: &Frame| self.is_said_by(&class, frame, model);
+        let like = |model: &Frame| self.is_said_by(&class, frame, model, None);
         // An answer may look like what is sent by itself, as that of guarding does, and so may a
         // TPDO that SYNC triggers after it was sent by its event timer.
         let is_awaited = self.queues.awaits_exactly(frame)
-            || self.period(&class, frame).is_none() && self.queues.awaits_one(frame.id, like);
+            || self.period(&class, frame).is_none()
+                && self
+                    .queues
+                    .awaits_one(frame.id, |it| self.is_said_by(&class, frame, &it.frame, it.of));
         let taken = match is_awaited {
             true => Taken::Unknown,
             false => streams.take(now, frame, self.late(), like),
@@ -752,17 +776,18 @@ impl<'b> Oracle<'b> {
             Taken::Unknown => {}
         }
         let mut queues = std::mem::take(&mut self.queues);
-        let found = queues.find(now, frame, |expected| self.is_like(&class, frame, expected));
+        let like = |it: &Expected| self.is_like(&class, frame, &it.frame, it.of);
+        let found = queues.find(now, frame, like);
         self.queues = queues;
         match found {
-            Ok(expected) => {
+            Ok(Expected { frame: expected, of, .. }) => {
                 self.confirm_kept(frame, &expected);
                 // Until then, a device that serves requests late may have sent by what was before.
                 let confirmed = matches!(class, Class::Sdo);
-                let tpdo = sdo::configured(frame, &self.requests).filter(|_| confirmed);
+                let tpdo = sdo::configured(frame, of, &self.requests).filter(|_| confirmed);
                 self.configured.extend(tpdo.map(|tpdo| (tpdo, now)));
                 self.queues.came(frame, now);
-                self.follow(now, &class, frame, &expected)
+                self.follow(now, &class, frame, &expected, of)
             }
             Err(expected) => self.surprise(now, &class, frame, expected),
         }
@@ -771,7 +796,7 @@ impl<'b> Oracle<'b> {
     /// Notes an object of the application that was written to its end, and keeps it.
     fn confirm_kept(&mut self, frame: &Frame, expected: &Frame) {
         let node = self.blueprint.node();
-        let last = self.requests[1].as_ref().filter(|request| request.is_confirmed_by(frame, node));
+        let last = self.requests.last().filter(|request| request.is_confirmed_by(frame, node));
         let Some(mux) = last.and_then(Request::writes) else { return };
         let entry = self.blueprint.eds().entry(mux);
         let is_text = entry.is_some_and(|entry| self.blueprint.is_text(entry));
@@ -803,12 +828,18 @@ impl<'b> Oracle<'b> {
     }
 
     /// Whether a frame is as good as the one that is expected.
-    fn is_like(&self, class: &Class, frame: &Frame, expected: &Frame) -> bool {
+    fn is_like(
+        &self,
+        class: &Class,
+        frame: &Frame,
+        expected: &Frame,
+        of: Option<Transfer>,
+    ) -> bool {
         match class {
             Class::Sdo if self.refused && sdo::same_code(frame, expected) => true,
             Class::Sdo => {
-                sdo::is_like(frame, expected, &self.requests, &|mux| self.is_volatile(mux))
-                    && self.agrees_in_time(frame, expected)
+                sdo::is_like(frame, expected, of, &self.requests, &|mux| self.is_volatile(mux))
+                    && self.agrees_in_time(frame, expected, of)
             }
             Class::Tpdo(tpdo) => {
                 let same = frame.data.len() == expected.data.len() && !frame.remote;
@@ -833,9 +864,10 @@ impl<'b> Oracle<'b> {
         class: &Class,
         frame: &Frame,
         expected: &Frame,
+        of: Option<Transfer>,
     ) -> Result<(), End> {
         if matches!(class, Class::Sdo) {
-            self.learn(frame, expected);
+            self.learn(frame, expected, of);
         }
         if frame == expected || !matches!(class, Class::Sdo) {
             return Ok(());
@@ -862,7 +894,7 @@ impl<'b> Oracle<'b> {
     }
 
     /// Takes note of the value of an object that an answer shows.
-    fn learn(&mut self, frame: &Frame, expected: &Frame) {
+    fn learn(&mut self, frame: &Frame, expected: &Frame, of: Option<Transfer>) {
         if let Some((mux, value)) = sdo::read(frame).filter(|(mux, _)| self.known.lacks(*mux)) {
             match frame == expected {
                 true => self.known.is_stored(mux, value),
@@ -870,7 +902,7 @@ impl<'b> Oracle<'b> {
             }
         }
         let confirms = frame == expected && !self.model.transfers() && !sdo::refuses(frame);
-        if let Some(mux) = sdo::written(frame, &self.requests).filter(|_| confirms) {
+        if let Some(mux) = sdo::written(frame, of, &self.requests).filter(|_| confirms) {
             self.known.wrote(mux, self.model.dictionary());
         }
     }
@@ -902,8 +934,7 @@ impl<'b> Oracle<'b> {
     /// # Errors
     /// When it has taken other frames since, or one of the device was wrong.
     fn undo(&mut self, now: Instant, mux: Mux) -> Result<(), End> {
-        let mut requests = self.requests.iter_mut().flatten().rev();
-        let Some(before) = requests.find_map(|request| request.undone(mux)) else {
+        let Some(before) = self.requests.undone(mux) else {
             return Err(End::Void(now));
         };
         if self.taken != before.taken + 1 {
@@ -924,7 +955,7 @@ impl<'b> Oracle<'b> {
         let taken = self.taken;
         let id = RESPONSE_COB_ID + u16::from(self.blueprint.node());
         let open = self.queues.awaits(id);
-        let before = self.requests[1].as_mut()?.before_it.as_deref_mut();
+        let before = self.requests.last_mut()?.before_it.as_deref_mut();
         before.filter(|before| open && taken == before.taken + 1)
     }
 
@@ -936,6 +967,13 @@ impl<'b> Oracle<'b> {
         frame: &Frame,
         expected: Option<Frame>,
     ) -> Result<(), End> {
+        if let Some(expected) = expected.filter(|it| self.shows_an_error(class, frame, it)) {
+            let violation = Violation { at: now, what: What::Unexpected(*frame, Some(expected)) };
+            self.suspicion =
+                Some(Suspicion { until: now + self.usually_late().max(HELD), violation });
+            self.errors = true;
+            return self.judge(now, frame);
+        }
         match class {
             Class::Tpdo(tpdo)
                 if self.is_free(tpdo)
@@ -962,7 +1000,7 @@ impl<'b> Oracle<'b> {
                 _ => self.accuse(now, What::Unexpected(*frame, expected)),
             },
             Class::Emergency if self.is_of_application(frame) => {
-                self.errors = true;
+                (self.errors, self.suspicion) = (true, None);
                 Ok(())
             }
             // The application may have led its device to another state.
@@ -999,6 +1037,18 @@ impl<'b> Oracle<'b> {
             _ if self.errors => self.owed(now, What::Unexpected(*frame, expected)),
             _ => self.unexpected(now, frame, expected),
         }
+    }
+
+    /// Whether a frame would be as good as the one that is expected if the application had an error,
+    /// which a device may show in its objects before it reports it.
+    fn shows_an_error(&mut self, class: &Class, frame: &Frame, expected: &Frame) -> bool {
+        if self.errors {
+            return false;
+        }
+        self.errors = true;
+        let is_like = self.is_like(class, frame, expected, None);
+        self.errors = false;
+        is_like
     }
 
     /// Whether a frame is a request of an SDO client of the device.
@@ -1045,6 +1095,9 @@ impl<'b> Oracle<'b> {
     }
 
     fn overdue(&mut self, now: Instant) -> Result<(), End> {
+        if let Some(suspicion) = self.suspicion.take_if(|it| it.until < now) {
+            return Err(End::Violation(suspicion.violation));
+        }
         while let Some(place) = self.early.iter().position(|early| early.until < now) {
             let Early { frame, expected, .. } = self.early.remove(place);
             if self.begins_free_text(&frame) {
@@ -1077,7 +1130,7 @@ impl<'b> Oracle<'b> {
             What::Ended(_) | What::Differs(_) => return wrong(now, what),
         };
         let class = self.identifiers.class(&frame, &self.model, now, self.usually_late());
-        let written = sdo::written(&frame, &self.requests);
+        let written = sdo::written(&frame, None, &self.requests);
         let refused = match &what {
             What::Unexpected(it, Some(other)) => sdo::refuses(it) != sdo::refuses(other),
             _ => false,
@@ -1086,7 +1139,7 @@ impl<'b> Oracle<'b> {
         if written.is_some_and(|mux| !self.known.decides_write(mux)) {
             return Err(End::Void(now));
         }
-        if matches!(class, Class::Sdo) && self.known.is_joined() && self.requests[1].is_none() {
+        if matches!(class, Class::Sdo) && self.known.is_joined() && self.requests.last().is_none() {
             return Err(End::Void(now));
         }
         if self.known.decides(&class, &what, &self.model) {

@@ -16,7 +16,7 @@ use common::blueprint;
 
 /// A session, and the device on which it was played.
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
 struct Blamed {
     device: String,
     personality: Option<String>,
@@ -26,6 +26,9 @@ struct Blamed {
     /// The freedoms that the device was believed to use.
     #[serde(default)]
     believed: Vec<String>,
+    /// Whether nothing is to be learnt of it.
+    #[serde(default)]
+    as_believed: bool,
     actions: Vec<Action>,
 }
 
@@ -59,7 +62,7 @@ impl Blamed {
         for _ in 0..LESSONS {
             let played = stage.play(&blueprint, belief.model(), &script).unwrap();
             let Some(End::Violation(violation)) = played.end else { return None };
-            if belief.explain(&played.seen) == Judged::Wrong {
+            if self.as_believed || belief.explain(&played.seen) == Judged::Wrong {
                 return Some(violation.to_string());
             }
         }

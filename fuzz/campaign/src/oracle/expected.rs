@@ -7,6 +7,7 @@ use canopen::{Frame, Id, Instant};
 
 use super::What;
 use super::identifiers::HELD;
+use super::sdo::Transfer;
 
 /// A frame of the model.
 #[derive(Clone, Copy, Debug)]
@@ -17,6 +18,8 @@ pub(super) struct Expected {
     pub(super) must: Must,
     /// How much later than the others it may come.
     pub(super) later: Duration,
+    /// The SDO transfer that it belongs to, where it is an answer.
+    pub(super) of: Option<Transfer>,
 }
 
 /// Whether the device must send a frame, too.
@@ -69,14 +72,14 @@ impl Queues {
 
     /// Whether the next frame with its identifier that must come is this one.
     pub(super) fn awaits_exactly(&self, frame: &Frame) -> bool {
-        self.awaits_one(frame.id, |expected| expected == frame)
+        self.awaits_one(frame.id, |expected| expected.frame == *frame)
     }
 
     /// Whether the next frame with an identifier that must come is one of these.
-    pub(super) fn awaits_one(&self, id: Id, is_it: impl Fn(&Frame) -> bool) -> bool {
+    pub(super) fn awaits_one(&self, id: Id, is_it: impl Fn(&Expected) -> bool) -> bool {
         let queue = self.of_ids.iter().find(|queue| queue.id == id);
         let mut must = queue.into_iter().flat_map(|queue| &queue.expected);
-        must.find(|expected| expected.must == Must::Come).is_some_and(|it| is_it(&it.frame))
+        must.find(|expected| expected.must == Must::Come).is_some_and(is_it)
     }
 
     /// Whether any frame must come.
@@ -105,8 +108,8 @@ impl Queues {
         &mut self,
         now: Instant,
         frame: &Frame,
-        is_like: impl Fn(&Frame) -> bool,
-    ) -> Result<Frame, Option<Frame>> {
+        is_like: impl Fn(&Expected) -> bool,
+    ) -> Result<Expected, Option<Frame>> {
         let queue = self.queue(frame.id);
         // What has come and was taken for a frame that need not is not waited for.
         let spare = &queue.spare;
@@ -118,8 +121,8 @@ impl Queues {
         let known = || queue.expected.iter().take(within);
         let exact = known().position(|it| it.frame == *frame && !came(it));
         let place = exact
-            .or_else(|| known().position(|it| it.must == Must::Come && is_like(&it.frame)))
-            .or_else(|| known().position(|it| is_like(&it.frame) && !came(it)))
+            .or_else(|| known().position(|it| it.must == Must::Come && is_like(it)))
+            .or_else(|| known().position(|it| is_like(it) && !came(it)))
             .or_else(|| known().position(|it| it.frame == *frame));
         let Some(place) = place else {
             return Err(first.map(|place| queue.expected[place].frame));
@@ -136,7 +139,7 @@ impl Queues {
             }
             queue.spare.push((now, *frame));
         }
-        Ok(found.frame)
+        Ok(found)
     }
 
     /// The device has sent a frame.

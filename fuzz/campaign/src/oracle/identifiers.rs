@@ -30,6 +30,8 @@ pub(super) struct Tpdo {
     /// The object with its communication parameters.
     pub(super) index: u16,
     pub(super) kind: u8,
+    /// Whether its kind leaves it to events when it is sent, or the one before a change did.
+    pub(super) by_events: bool,
     pub(super) inhibit: Duration,
     pub(super) period: Duration,
     /// What it maps, and after that what it may have mapped before a change.
@@ -113,7 +115,9 @@ impl Identifiers {
         let tpdo = fitting.next().cloned().map(|mut tpdo| {
             // It may be any of them.
             for other in fitting {
-                Arc::make_mut(&mut tpdo).mapped.extend(&other.mapped);
+                let tpdo = Arc::make_mut(&mut tpdo);
+                tpdo.mapped.extend(&other.mapped);
+                tpdo.by_events |= other.by_events;
             }
             tpdo
         });
@@ -194,10 +198,12 @@ impl Tpdo {
         let entries: Vec<Mapping> =
             words.map(|word| Mapping::decode(word.unwrap_or(0) as u32)).collect();
         let bits: u32 = entries.iter().map(|entry| u32::from(entry.bits)).sum();
+        let kind = parameter(2) as u8;
         Some(Self {
             id,
             index,
-            kind: parameter(2) as u8,
+            kind,
+            by_events: matches!(kind, 0 | 254..),
             inhibit: Duration::from_micros(100) * parameter(3) as u32,
             period: Duration::from_millis(parameter(5) as u64),
             mapped: entries.iter().map(|entry| entry.mux).collect(),

@@ -1,5 +1,7 @@
 //! Answers of an SDO server that are as good as those of the model.
 
+use std::collections::VecDeque;
+
 use canopen::pdo::CobId;
 use canopen::sdo::block::{BlockRequest, BlockResponse};
 use canopen::sdo::{self, Initiate, Response};
@@ -46,11 +48,6 @@ impl Request {
         (!self.uploads).then_some(self.mux)
     }
 
-    /// The object that it reads.
-    pub(super) fn reads(&self) -> Option<Mux> {
-        self.uploads.then_some(self.mux)
-    }
-
     /// Whether a frame of the default server confirms it, or a part of it.
     pub(super) fn is_confirmed_by(&self, frame: &Frame, node: u8) -> bool {
         let node = u16::from(node);
@@ -65,7 +62,7 @@ impl Request {
     }
 
     /// What was before a request that the device refuses.
-    pub(super) fn undone(&mut self, mux: Mux) -> Option<Before> {
+    fn undone(&mut self, mux: Mux) -> Option<Before> {
         self.before_it.take_if(|_| self.mux == mux).map(|before| *before)
     }
 
@@ -79,6 +76,102 @@ impl Request {
     /// Whether a service takes its value, which the device may refuse.
     pub(super) fn may_be_undone(&self) -> bool {
         matches!(self.may, MayRefuse::Some { .. }) && !self.uploads
+    }
+}
+
+/// The requests that a device may still answer, the last one at the end: one that serves them late
+/// answers the first of many.
+#[derive(Default)]
+pub(super) struct Requests(VecDeque<Request>);
+
+/// How many requests are remembered.
+const MOST_REQUESTS: usize = 16;
+
+impl Requests {
+    /// A request begins. What looks like one may be a segment of a block: however many do, the one
+    /// that they belong to is kept.
+    pub(super) fn begin(&mut self, request: Request) {
+        let of_one_block = |last: &Request| last.like_segment && request.like_segment;
+        if self.last().is_some_and(of_one_block) {
+            self.0.pop_back();
+        } else if self.0.len() == MOST_REQUESTS {
+            self.0.pop_front();
+        }
+        self.0.push_back(request);
+    }
+
+    /// The device has forgotten them.
+    pub(super) fn clear(&mut self) {
+        self.0.clear();
+    }
+
+    /// The last one.
+    pub(super) fn last(&self) -> Option<&Request> {
+        self.0.back()
+    }
+
+    /// The last one, with what was before it.
+    pub(super) fn last_mut(&mut self) -> Option<&mut Request> {
+        self.0.back_mut()
+    }
+
+    /// What was before a request for an object that the device refuses.
+    pub(super) fn undone(&mut self, mux: Mux) -> Option<Before> {
+        self.0.iter_mut().rev().find_map(|request| request.undone(mux))
+    }
+
+    /// The last one for an object.
+    fn of(&self, mux: Mux) -> Option<&Request> {
+        self.0.iter().rev().find(|request| request.mux == mux)
+    }
+}
+
+/// The transfers that a model has begun to answer, by the identifier of its answers.
+#[derive(Clone, Default)]
+pub(super) struct Transfers(Vec<(Id, Transfer)>);
+
+/// A transfer, as the answer that begins it shows it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Transfer {
+    mux: Mux,
+    uploads: bool,
+    /// Whether its segments have no command, and look like anything.
+    in_blocks: bool,
+}
+
+impl Transfers {
+    /// The transfer that the next answer of the model belongs to. Segments name no object: theirs
+    /// is that of the answer before them.
+    pub(super) fn of(&mut self, frame: &Frame, requests: &Requests) -> Option<Transfer> {
+        let place = self.0.iter().position(|(id, _)| *id == frame.id);
+        let open = place.map(|place| self.0[place].1);
+        let in_blocks = open.is_some_and(|open| open.in_blocks) && !refuses(frame);
+        let begins = |it: &Transfer| !in_blocks || requests.of(it.mux).is_some();
+        let Some(begun) = Transfer::begun_by(frame).filter(begins) else { return open };
+        match place {
+            Some(place) => self.0[place].1 = begun,
+            None => self.0.push((frame.id, begun)),
+        }
+        Some(begun)
+    }
+}
+
+impl Transfer {
+    fn begun_by(frame: &Frame) -> Option<Self> {
+        let (mux, uploads, in_blocks) = match Response::decode(&frame.data).ok()? {
+            Response::Upload(mux, _) => (mux, true, false),
+            Response::Block(BlockResponse::Upload { mux, .. }) => (mux, true, true),
+            Response::Download(mux)
+            | Response::Abort(mux, _)
+            | Response::Block(BlockResponse::Download { mux, .. }) => (mux, false, false),
+            _ => return None,
+        };
+        Some(Self { mux, uploads, in_blocks })
+    }
+
+    /// The object that it reads.
+    pub(super) fn reads(self) -> Option<Mux> {
+        self.uploads.then_some(self.mux)
     }
 }
 
@@ -162,7 +255,8 @@ fn is_off(mux: Mux, value: &[u8]) -> bool {
 pub(super) fn is_like(
     frame: &Frame,
     expected: &Frame,
-    requests: &[Option<Request>; 2],
+    of: Option<Transfer>,
+    requests: &Requests,
     is_volatile: &dyn Fn(Mux) -> bool,
 ) -> bool {
     let (Ok(answer), Ok(model)) = (Response::decode(&frame.data), Response::decode(&expected.data))
@@ -170,9 +264,7 @@ pub(super) fn is_like(
         return false;
     };
     // Segments of an upload: nothing but their lengths and numbers.
-    let of = |mux: Mux| requests.iter().flatten().rev().find(|request| request.mux == mux);
-    let mut known = requests.iter().flatten();
-    let of_volatile = known.any(|it| is_volatile(it.mux) && it.uploads);
+    let of_volatile = of.and_then(Transfer::reads).is_some_and(is_volatile);
     let command = frame.data[0];
     if of_volatile && command != ABORT && !matches!(answer, Response::Upload(..)) {
         return command == expected.data[0];
@@ -189,12 +281,12 @@ pub(super) fn is_like(
             is_volatile(mux)
         }
         (Response::Abort(mux, _), Response::Upload(other, _)) if mux == other => {
-            of(mux).is_some_and(|it| it.may == MayRefuse::Anything)
+            requests.of(mux).is_some_and(|it| it.may == MayRefuse::Anything)
         }
         // What an unknown command is about, nobody can say.
         (Response::Abort(_, Abort::COMMAND), Response::Abort(_, Abort::COMMAND)) => true,
         (Response::Abort(mux, code), model) => {
-            let may = of(mux).filter(|it| it.before.is_some()).map(|it| it.may);
+            let may = requests.of(mux).filter(|it| it.before.is_some()).map(|it| it.may);
             let refuses = matches!(model, Response::Abort(other, _) if other == mux);
             let may = match may {
                 Some(MayRefuse::Anything) if refuses => return STATES.contains(&code),
@@ -242,12 +334,13 @@ fn begun(frame: &Frame) -> Option<(Mux, u32)> {
 pub(super) fn followed(
     frame: &Frame,
     expected: &Frame,
-    requests: &[Option<Request>; 2],
+    requests: &Requests,
 ) -> Option<(Mux, Vec<u8>)> {
     match (Response::decode(&frame.data).ok()?, Response::decode(&expected.data).ok()?) {
         (Response::Upload(mux, Initiate::Expedited(value)), _) => Some((mux, value.to_vec())),
-        (Response::Abort(mux, _), _) if frame.data[0] == ABORT => {
-            let mut known = requests.iter().flatten().rev();
+        // What both refuse for one reason, such as an unknown command, has the same value in both.
+        (Response::Abort(mux, _), _) if refuses(frame) && !same_code(frame, expected) => {
+            let mut known = requests.0.iter().rev();
             let request = known.find(|request| request.mux == mux && !request.uploads)?;
             Some((mux, request.before.clone()?))
         }
@@ -255,26 +348,26 @@ pub(super) fn followed(
     }
 }
 
-/// The object that the last request writes which an answer is about.
-pub(super) fn written(frame: &Frame, requests: &[Option<Request>; 2]) -> Option<Mux> {
-    let mut known = requests.iter().flatten().rev();
-    let mut of = |mux| known.find(|request| request.mux == mux);
-    let request = match Response::decode(&frame.data).ok()? {
-        Response::Download(mux) | Response::Abort(mux, _) => of(mux),
-        Response::DownloadSegment(_) | Response::Block(_) => requests[1].as_ref(),
-        _ => None,
+/// The object that a request writes which an answer is about, and the transfer of that answer,
+/// where it is known.
+pub(super) fn written(frame: &Frame, of: Option<Transfer>, requests: &Requests) -> Option<Mux> {
+    let last = || requests.last().map(|request| request.mux);
+    let mux = match Response::decode(&frame.data).ok()? {
+        Response::Download(mux) | Response::Abort(mux, _) => mux,
+        Response::DownloadSegment(_) | Response::Block(_) => of.map(|it| it.mux).or_else(last)?,
+        _ => return None,
     };
-    request.filter(|request| !request.uploads).map(|request| request.mux)
+    requests.of(mux)?.writes()
 }
 
 /// The TPDO of which an answer confirms a parameter, or the mapping: the index of its communication
 /// parameters.
-pub(super) fn configured(frame: &Frame, requests: &[Option<Request>; 2]) -> Option<u16> {
+pub(super) fn configured(frame: &Frame, of: Option<Transfer>, requests: &Requests) -> Option<u16> {
     match Response::decode(&frame.data).ok()? {
         // Others may have been requested since.
         Response::Download(mux) => tpdo_of(mux),
         Response::Abort(..) => None,
-        _ => tpdo_of(written(frame, requests)?),
+        _ => tpdo_of(written(frame, of, requests)?),
     }
 }
 
@@ -297,9 +390,8 @@ pub(super) fn read(frame: &Frame) -> Option<(Mux, Data)> {
 
 /// Whether a refused request came while a transfer was open: a device that refuses it before it
 /// looks at its transfer goes on with that one.
-pub(super) fn leaves_open(mux: Mux, requests: &[Option<Request>; 2]) -> bool {
-    let of = |request: &&Request| request.mux == mux;
-    requests.iter().flatten().rev().find(of).is_some_and(|request| request.over)
+pub(super) fn leaves_open(mux: Mux, requests: &Requests) -> bool {
+    requests.of(mux).is_some_and(|request| request.over)
 }
 
 /// The error history.
@@ -325,12 +417,10 @@ pub(super) fn same_code(frame: &Frame, other: &Frame) -> bool {
 }
 
 /// Whether the application of the device refuses something, for a reason of its own.
-pub(super) fn is_refusal(frame: &Frame, requests: &[Option<Request>; 2]) -> bool {
+pub(super) fn is_refusal(frame: &Frame, requests: &Requests) -> bool {
     let Ok(Response::Abort(mux, code)) = Response::decode(&frame.data) else { return false };
-    let asked = requests
-        .iter()
-        .flatten()
-        .any(|request| request.mux == mux && request.may == MayRefuse::Anything);
+    let mut known = requests.0.iter();
+    let asked = known.any(|request| request.mux == mux && request.may == MayRefuse::Anything);
     asked && frame.data[0] == ABORT && matches!(code.0 >> 16, 0x0604 | 0x0606 | 0x0609 | 0x0800)
 }
 
