@@ -581,6 +581,10 @@ impl Behaviour for Drr460 {
     fn event(&mut self, now: Instant, event: CommunicationEvent, od: &mut Dictionary) {
         self.follow(now, od);
         self.changed = true;
+        if event == CommunicationEvent::Reset {
+            let differs = self.around.module.differs(self.memory.module);
+            self.found.changed_hardware |= differs && self.rules.each_reset_compares_boards();
+        }
         if let CommunicationEvent::Entered(state) = event {
             if self.state == NmtState::INITIALISING && self.rules.reports_boot() {
                 self.reports_boot = true;

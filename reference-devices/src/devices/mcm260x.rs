@@ -379,6 +379,9 @@ impl Behaviour for Mcm260x {
 
     fn event(&mut self, now: Instant, event: CommunicationEvent, od: &mut Dictionary) {
         self.changed = true;
+        if event == CommunicationEvent::Reset && self.rules.each_reset_compares_boards() {
+            self.inside.compare_boards(&self.rules);
+        }
         if let CommunicationEvent::Entered(state) = event {
             self.count(now, od);
             self.state = state;

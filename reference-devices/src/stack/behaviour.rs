@@ -165,6 +165,8 @@ words! { Attachment: "as-is" => Self::AsIs, "off" => Self::Off }
 /// Events of the communication that may concern an application.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum CommunicationEvent {
+    /// The communication was reset, and the application goes on.
+    Reset,
     /// The node entered this NMT state.
     Entered(NmtState),
     /// A communication error appeared: heartbeat or life guarding was lost.

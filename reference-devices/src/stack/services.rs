@@ -154,8 +154,11 @@ impl Services {
         self.drop_sdo_jobs(now);
         let base = &mut self.base;
         self.sdo_clients = SdoClients::new(&base.od);
-        if reset == Reset::Node {
-            self.behaviour.reset(now, &mut base.od);
+        match reset {
+            Reset::Node => self.behaviour.reset(now, &mut base.od),
+            Reset::Communication => {
+                self.behaviour.event(now, CommunicationEvent::Reset, &mut base.od);
+            }
         }
         self.touched = true;
     }

@@ -92,6 +92,11 @@ impl Inside {
         };
     }
 
+    /// The communication was reset: another board than before is noticed.
+    pub(super) fn compare_boards(&mut self, rules: &Mcm260xRules) {
+        self.found.changed_hardware |= rules.board_differs(self.board, self.stored);
+    }
+
     /// Whether nothing can be stored.
     pub(super) fn stores_nothing(&self) -> bool {
         self.memory == MemoryFault::Write

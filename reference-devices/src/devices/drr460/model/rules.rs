@@ -698,6 +698,11 @@ decisions! {
         true
     }
 
+    /// Reset communication compares the board with the one before, as power-on does (11.9).
+    fn each_reset_compares_boards(&self) -> bool {
+        true
+    }
+
     /// The board inside has the messages of a module (11.9).
     fn reports_module(&self) -> bool {
         true
