@@ -2,7 +2,7 @@
 
 use canopen::eds::Direction;
 use canopen::nmt::{Command, Service};
-use canopen::pdo::{CobId, Mapping};
+use canopen::pdo::{self, CobId, Mapping};
 use canopen::sdo::Request;
 use canopen::{Data, Frame, Id, Mux};
 
@@ -436,10 +436,7 @@ impl Draw<'_> {
 /// A PDO as the device has it; `None` when it has none, or nothing is mapped.
 fn usage(index: u16, direction: Direction, scene: Scene<'_>) -> Option<Usage> {
     let cob = scene.od.int(Mux::new(index, 1))? as u32 & !CobId::INVALID;
-    let count = scene.od.int(Mux::new(index + 0x200, 0))?.clamp(0, 64) as u8;
-    let words = (1..=count).map(|sub| scene.od.int(Mux::new(index + 0x200, sub)));
-    let entries = words.map(|word| Some(Mapping::decode(word? as u32)));
-    let entries = entries.collect::<Option<Vec<Mapping>>>()?;
+    let entries = pdo::mapped(index, scene.od)?;
     let used = CobId(cob).can_id().raw() > 0 && !entries.is_empty();
     used.then_some(Usage { direction, index, cob, entries, timed: false })
 }

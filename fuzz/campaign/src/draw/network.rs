@@ -3,7 +3,7 @@
 use canopen::emcy::{Emcy, EmcyCode};
 use canopen::heartbeat::{ErrorControl, guarding_request};
 use canopen::nmt::{Command, Service};
-use canopen::pdo::{CobId, Mapping};
+use canopen::pdo::{self, CobId};
 use canopen::timestamp::TimeOfDay;
 use canopen::{Data, Frame, Id, Mux, NmtState, sync, timestamp};
 
@@ -190,10 +190,8 @@ impl Draw<'_> {
         if cob.can_id().raw() == 0 {
             return None;
         }
-        let mapping = index + 0x200;
-        let count = scene.int(mapping, 0)?.clamp(0, 64) as u8;
-        let words = (1..=count).map(|sub| scene.int(mapping, sub).unwrap_or(0) as u32);
-        let bits: u32 = words.map(|word| u32::from(Mapping::decode(word).bits)).sum();
+        let entries = pdo::mapped(index, scene.od)?;
+        let bits: u32 = entries.iter().map(|entry| u32::from(entry.bits)).sum();
         let bytes = bits.div_ceil(8).min(8) as usize;
         let mut data = [0; 8];
         let kinds = [0x00, 0x01, 0x05, 0x7F, 0x80, 0xFF];

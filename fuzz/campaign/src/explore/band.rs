@@ -1,6 +1,6 @@
 //! What moves is somewhere between where it is for the replicas.
 
-use canopen::pdo::{CobId, Mapping, Unpacker};
+use canopen::pdo::{self, CobId, Mapping, Unpacker};
 use canopen::{DataType, Dictionary, Frame, Id, Mux, Value};
 
 /// Whether a value is one of those of the replicas; of a wide number, whether it lies among them.
@@ -38,16 +38,12 @@ pub(super) fn lies_among(frame: &Frame, known: &[Frame], od: &Dictionary) -> boo
 
 /// What the TPDO with an identifier carries.
 fn mapped(id: Id, od: &Dictionary) -> Option<Vec<(Mapping, DataType)>> {
-    let int = |index, sub| od.int(Mux::new(index, sub));
     let index = (0x1800..=0x19FF).find(|index| {
-        let cob = int(*index, 1).map(|cob| CobId(cob as u32));
+        let cob = od.int(Mux::new(*index, 1)).map(|cob| CobId(cob as u32));
         cob.is_some_and(|cob| cob.valid() && cob.can_id() == id)
     })?;
-    let entry = |sub| {
-        let mapping = Mapping::decode(int(index + 0x200, sub)? as u32);
-        Some((mapping, od.entry(mapping.mux)?.data_type))
-    };
-    (1..=int(index + 0x200, 0)?.clamp(0, 64) as u8).map(entry).collect()
+    let typed = |mapping: Mapping| Some((mapping, od.entry(mapping.mux)?.data_type));
+    pdo::mapped(index, od)?.into_iter().map(typed).collect()
 }
 
 #[cfg(test)]

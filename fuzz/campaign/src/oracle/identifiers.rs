@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::time::Duration;
 
-use canopen::pdo::{CobId, Mapping};
+use canopen::pdo::{self, CobId};
 use canopen::sdo::RESPONSE_COB_ID;
 use canopen::{Dictionary, Frame, Id, Instant, Mux, emcy, lss};
 
@@ -192,11 +192,7 @@ const MOST_FORMER: usize = 64;
 impl Tpdo {
     fn new(od: &Dictionary, index: u16, id: Id) -> Option<Self> {
         let parameter = |sub| od.int(Mux::new(index, sub)).unwrap_or(0);
-        let mapping = index + 0x200;
-        let count = od.int(Mux::new(mapping, 0))?;
-        let words = (1..=count.clamp(0, 64) as u8).map(|sub| od.int(Mux::new(mapping, sub)));
-        let entries: Vec<Mapping> =
-            words.map(|word| Mapping::decode(word.unwrap_or(0) as u32)).collect();
+        let entries = pdo::mapped(index, od)?;
         let bits: u32 = entries.iter().map(|entry| u32::from(entry.bits)).sum();
         let kind = parameter(2) as u8;
         Some(Self {
