@@ -10,10 +10,9 @@ use reference_devices::rules::Rules;
 use reports::Event;
 use runner::dut::Dut;
 use runner::plan::plan;
-use runner::run::{Policy, Session, Undo, Unobserved};
+use runner::run::{Session, Undo};
 use runner::stop::Stop;
 use runner::suite::Library;
-use runner::waivers::Waivers;
 
 const BIT_RATE: u32 = 1_000_000;
 const NODE: u8 = 5;
@@ -30,17 +29,11 @@ fn main() {
     let mut plan = plan(&library, &dut, &BTreeMap::new()).expect("the suites fit the device");
     plan.instances.retain(|instance| instance.suite.name() == "cia301/heartbeat");
 
-    let session = Session {
-        plan: &plan,
-        register: &library.register,
-        policy: Policy::at_bit_rate(BIT_RATE),
-        rerun: String::new(),
-        waivers: &Waivers::default(),
-        max_fail: None,
-        stop: &Stop::default(),
-        undo: &Undo::default(),
-        observer: &Unobserved,
-    };
+    let stop = Stop::default();
+
+    let undo = Undo::default();
+
+    let session = Session::new(&plan, &library.register, BIT_RATE, &stop, &undo);
     let mut name = String::new();
     let ending = session.run(&mut bus, &mut |event| match event {
         Event::CaseStarted(case) => name = case.name(),

@@ -14,9 +14,8 @@ use harness::target::{self, ROUNDS, compose, scan};
 use reports::{Event, Keep, Run, journal};
 use runner::dut::Dut;
 use runner::plan::{self, Plan};
-use runner::run::{Policy, Session, Undo, Unobserved};
+use runner::run::{Session, Undo};
 use runner::stop::Stop;
-use runner::waivers::Waivers;
 
 use crate::devices::NODE;
 use crate::given::{LIBRARY, SHEETS, written};
@@ -90,17 +89,9 @@ pub fn runner_session(bytes: &[u8]) {
     let plan = Plan { instances, ..plan.clone() };
     let mut bus = VirtualBus::new(1_000_000);
     bus.attach(Noise::new(&mut input, plan.dut.node));
-    let session = Session {
-        plan: &plan,
-        register: &LIBRARY.register,
-        policy: Policy::at_bit_rate(1_000_000),
-        rerun: String::new(),
-        waivers: &Waivers::default(),
-        max_fail: None,
-        observer: &Unobserved,
-        stop: &Stop::default(),
-        undo: &Undo::default(),
-    };
+    let stop = Stop::default();
+    let undo = Undo::default();
+    let session = Session::new(&plan, &LIBRARY.register, 1_000_000, &stop, &undo);
     let mut run = Run::new(Keep::Unusual);
     let (mut ended, mut decoder) = (0, Decoder::default());
     let ending = session.run(&mut bus, &mut |event| {

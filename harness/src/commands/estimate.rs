@@ -13,10 +13,9 @@ use reference_devices::stack::NodeSettings;
 use reports::{CaseEnded, Event, Outcome, journal};
 use runner::dut::{Dut, Hooks};
 use runner::plan::Plan;
-use runner::run::{Policy, Session, Undo, Unobserved};
+use runner::run::{Session, Undo};
 use runner::stop::Stop;
 use runner::suite::Library;
-use runner::waivers::Waivers;
 
 use super::counted::counted;
 use crate::cli::RunArgs;
@@ -142,17 +141,8 @@ fn rehearse(library: &Library, plan: &Plan, stop: &Stop) -> Option<Times> {
         ..plan.dut.clone()
     };
     let plan = Plan { dut, instances: plan.instances.clone(), left_out: BTreeMap::new() };
-    let session = Session {
-        plan: &plan,
-        register: &library.register,
-        policy: Policy::at_bit_rate(bit_rate),
-        rerun: String::new(),
-        waivers: &Waivers::default(),
-        max_fail: None,
-        observer: &Unobserved,
-        stop,
-        undo: &Undo::default(),
-    };
+    let undo = Undo::default();
+    let session = Session::new(&plan, &library.register, bit_rate, stop, &undo);
     let (mut cases, mut open) = (HashMap::new(), None::<(String, Instant)>);
     session.run(&mut bus, &mut |event| match event {
         Event::CaseStarted(case) => open = Some((case.name(), case.at)),

@@ -4,10 +4,9 @@ use canopen::Bus;
 use harness::target::DEFAULT_BIT_RATE;
 use reports::Event;
 use runner::plan::Plan;
-use runner::run::{Ending, Policy, Session, Undo, Unobserved};
+use runner::run::{Ending, Session, Undo};
 use runner::stop::Stop;
 use runner::suite::Library;
-use runner::waivers::Waivers;
 
 /// Runs a plan.
 pub(crate) fn run_session(
@@ -16,16 +15,8 @@ pub(crate) fn run_session(
     bus: &mut dyn Bus,
     emit: &mut dyn FnMut(Event),
 ) -> Ending {
-    let session = Session {
-        plan,
-        register: &library.register,
-        policy: Policy::at_bit_rate(DEFAULT_BIT_RATE),
-        rerun: String::new(),
-        waivers: &Waivers::default(),
-        max_fail: None,
-        observer: &Unobserved,
-        stop: &Stop::default(),
-        undo: &Undo::default(),
-    };
+    let stop = Stop::default();
+    let undo = Undo::default();
+    let session = Session::new(plan, &library.register, DEFAULT_BIT_RATE, &stop, &undo);
     session.run(bus, emit)
 }

@@ -15,7 +15,7 @@ mod starts;
 mod turns;
 
 use std::fmt;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use canopen::nmt::Service;
 use canopen::{Bus, BusError, Instant};
@@ -88,6 +88,32 @@ pub struct Session<'s> {
     pub undo: &'s Undo,
     /// Learns what happens, before it is reported.
     pub observer: &'s dyn Observer,
+}
+
+/// What is waived where nobody waives anything.
+static NOTHING: LazyLock<Waivers> = LazyLock::new(Waivers::default);
+
+impl<'s> Session<'s> {
+    /// A plan at this bit rate, each case once, with nothing waived and nobody who watches.
+    pub fn new(
+        plan: &'s Plan,
+        register: &'s Register,
+        bit_rate: u32,
+        stop: &'s Stop,
+        undo: &'s Undo,
+    ) -> Self {
+        Self {
+            plan,
+            register,
+            policy: Policy::at_bit_rate(bit_rate),
+            rerun: String::new(),
+            waivers: &NOTHING,
+            max_fail: None,
+            stop,
+            undo,
+            observer: &Unobserved,
+        }
+    }
 }
 
 impl Session<'_> {

@@ -11,10 +11,9 @@ use canopen::{Device, Frame, Instant, Stamped, VirtualBus, heartbeat, nmt};
 use reports::Event;
 use runner::dut::Dut;
 use runner::plan::plan_cases;
-use runner::run::{Observer, Policy, Session, Undo};
+use runner::run::{Observer, Session, Undo};
 use runner::stop::Stop;
 use runner::suite::Library;
-use runner::waivers::Waivers;
 
 use crate::exit::Refused;
 use crate::target::{self, DEFAULT_BIT_RATE};
@@ -40,16 +39,16 @@ pub(in crate::commands) fn known(
     let mut bus = VirtualBus::new(blueprint.settings().bit_rate);
     bus.attach_boxed(device);
     let tape = Tape { node: dut.node, ..Tape::default() };
+    let undo = Undo::default();
     let session = Session {
-        plan: &plan,
-        register: &library.register,
-        policy: Policy::at_bit_rate(dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE)),
-        rerun: String::new(),
-        waivers: &Waivers::default(),
-        max_fail: None,
         observer: &tape,
-        stop,
-        undo: &Undo::default(),
+        ..Session::new(
+            &plan,
+            &library.register,
+            dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE),
+            stop,
+            &undo,
+        )
     };
     session.run(&mut bus, &mut |_| ());
     Ok(tape.stories.into_inner())

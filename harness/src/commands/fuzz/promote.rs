@@ -12,10 +12,9 @@ use canopen::{Bus, Device, VirtualBus};
 use reports::{Event, Outcome, Verdict};
 use runner::dut::Dut;
 use runner::plan::{Plan, plan_cases};
-use runner::run::{Policy, Session, Undo, Unobserved};
+use runner::run::{Session, Undo};
 use runner::stop::Stop;
 use runner::suite::Library;
-use runner::waivers::Waivers;
 
 use super::case::{Names, Strictness, mutant, register, suite};
 use super::file::FindingFile;
@@ -226,17 +225,13 @@ impl Trial<'_> {
 
     /// How the case comes out.
     fn outcome(&self, library: &Library, plan: &Plan, bus: &mut dyn Bus, undo: &Undo) -> Outcome {
-        let session = Session {
+        let session = Session::new(
             plan,
-            register: &library.register,
-            policy: Policy::at_bit_rate(plan.dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE)),
-            rerun: String::new(),
-            waivers: &Waivers::default(),
-            max_fail: None,
-            observer: &Unobserved,
-            stop: self.stop,
+            &library.register,
+            plan.dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE),
+            self.stop,
             undo,
-        };
+        );
         let mut outcome = Outcome::not_run("there is no such case");
         session.run(bus, &mut |event| {
             if let Event::CaseEnded(ended) = event {

@@ -11,10 +11,9 @@ use reports::{Event, Outcome};
 use runner::dut::Dut;
 use runner::parallel;
 use runner::plan::{Instance, Plan};
-use runner::run::{Policy, Session, Shown, Undo};
+use runner::run::{Session, Shown, Undo};
 use runner::stop::Stop;
 use runner::suite::constraint::{Allowance, Constraint, assertion_name};
-use runner::waivers::Waivers;
 
 use super::alike::represented;
 use super::assertion::Assertion;
@@ -157,15 +156,8 @@ impl Search {
         let tape = Rc::new(Tape::default());
         let mut bus = SlippingBus::new(clean.target.open(&stop)?, Rc::clone(&tape));
         let session = Session {
-            plan: &plan,
-            register: &clean.library.register,
-            policy: Policy::at_bit_rate(DEFAULT_BIT_RATE),
-            rerun: String::new(),
-            waivers: &Waivers::default(),
-            max_fail: None,
             observer: &*tape,
-            stop: &stop,
-            undo: &undo,
+            ..Session::new(&plan, &clean.library.register, DEFAULT_BIT_RATE, &stop, &undo)
         };
         let node = plan.dut.node;
         let mut queue: Option<Queue> = None;

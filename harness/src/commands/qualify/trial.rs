@@ -14,12 +14,11 @@ use reference_devices::rules::Dissent;
 use reports::{Event, Outcome, Verdict};
 use runner::parallel;
 use runner::plan::{Instance, Plan, plan_cases};
-use runner::run::{Ending, Observer, Policy, Session, Shown, Undo};
+use runner::run::{Ending, Observer, Session, Shown, Undo};
 use runner::stop::Stop;
 use runner::suite::model::Case;
 use runner::suite::step::Step;
 use runner::suite::{Library, Suite};
-use runner::waivers::Waivers;
 use rustc_hash::{FxHashSet, FxHasher};
 
 use super::freedoms;
@@ -432,16 +431,10 @@ pub(super) fn observed(
 ) -> Result<Ending, Refused> {
     let stop = Stop::default();
     let mut bus = target.open(&stop)?;
+    let undo = Undo::default();
     let session = Session {
-        plan,
-        register: &library.register,
-        policy: Policy::at_bit_rate(DEFAULT_BIT_RATE),
-        rerun: String::new(),
-        waivers: &Waivers::default(),
-        max_fail: None,
         observer,
-        stop: &stop,
-        undo: &Undo::default(),
+        ..Session::new(plan, &library.register, DEFAULT_BIT_RATE, &stop, &undo)
     };
     Ok(session.run(&mut *bus, emit))
 }

@@ -9,10 +9,9 @@ use canopen::{BusError, Instant, serve};
 use reference_devices::devices;
 use reference_devices::rules::Rules;
 use reports::{Event, Verdict};
-use runner::run::{Ending, Policy, Session, Undo, Unobserved};
+use runner::run::{Ending, Session, Undo};
 use runner::stop::Stop;
 use runner::suite::Library;
-use runner::waivers::Waivers;
 
 use super::clock::waits;
 use super::findings::Findings;
@@ -119,17 +118,14 @@ fn tested(
     plan.instances.retain(|it| SUITES.contains(&it.suite.name()) && it.skip().is_none());
     let target: &Target = &targets[0];
     let mut bus = target.open(stop)?;
-    let session = Session {
-        plan: &plan,
-        register: &library.register,
-        policy: Policy::at_bit_rate(target.dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE)),
-        rerun: String::new(),
-        waivers: &Waivers::default(),
-        max_fail: None,
-        observer: &Unobserved,
+    let undo = Undo::default();
+    let session = Session::new(
+        &plan,
+        &library.register,
+        target.dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE),
         stop,
-        undo: &Undo::default(),
-    };
+        &undo,
+    );
     let (mut verdicts, mut repeated) = (BTreeMap::<String, Verdict>::new(), 0);
     let (mut name, mut from) = (String::new(), None);
     let ending = session.run(&mut *bus, &mut |event| match event {
