@@ -58,6 +58,21 @@ fn nothing_protected_is_done_to_a_valve_controller() {
     watch("ax021211", 1);
 }
 
+/// No output is driven unless a device file says that it may be: neither by its value nor by a
+/// parameter that gives it a source, an override or a polarity. The DRR460 is left out: what it
+/// measures on the bench decides what it does.
+#[test]
+fn outputs_that_are_off_stay_off() {
+    for device in ["generic", "em66", "mcm260x-9ad", "ax021211"] {
+        let came = run(device, &Drawn::default(), &format!("target: sim:{device}\n"));
+        assert_eq!(came.driven, Vec::<String>::new(), "{device}");
+        assert_eq!(came.wrong, Vec::<String>::new(), "{device}");
+        let file = format!("target: sim:{device}\nallow: {{ outputs: true }}\n");
+        let free = run(device, &Drawn::default(), &file);
+        assert!(!free.driven.is_empty(), "{device}: the observer sees nothing");
+    }
+}
+
 /// A thousand sessions, and what they did to the device.
 #[test]
 fn nothing_protected_is_done_by_a_campaign() {
@@ -150,6 +165,8 @@ impl Drawn {
 struct Came {
     breaches: Vec<String>,
     wrong: Vec<String>,
+    /// The cases that drive an output, each with the first one.
+    driven: Vec<String>,
     passed: usize,
 }
 
@@ -182,7 +199,7 @@ fn fuzzed(device: &str, drawn: &Drawn, seed: u64, file: &str, sessions: u64) -> 
         let node = described.node(target.dut.node, Rules::default());
         let (drawn, breaches) = (drawn.clone(), Arc::clone(&breaches));
         let mut bus = VirtualBus::new(DEFAULT_BIT_RATE);
-        bus.attach(Watched { node, drawn, breaches, writes: [0; 2] });
+        bus.attach(Watched::new(node, drawn, breaches, Arc::default()));
         let mut bus = target.guard(Box::new(bus));
         let model = blueprint.build([]).expect("a model");
         let player = Player::new(&mut *bus, &blueprint, model);
@@ -202,27 +219,35 @@ fn run(device: &str, drawn: &Drawn, file: &str) -> Came {
     let described = devices::device(device).expect("it is part of the program");
     let node = described.node(target.dut.node, Rules::default());
     let breaches = Arc::new(Mutex::new(Vec::new()));
-    let drawn = drawn.clone();
-    let writes = [0; 2];
+    let driven = Arc::new(Mutex::new(None));
     let mut bus = VirtualBus::new(DEFAULT_BIT_RATE);
-    bus.attach(Watched { node, drawn, breaches: Arc::clone(&breaches), writes });
+    let watched =
+        Watched::new(node, drawn.clone(), Arc::clone(&breaches), Arc::clone(&driven));
+    bus.attach(watched);
     let (mut came, mut case) = (Came::default(), String::new());
     let mut bus = target.guard(Box::new(bus));
     let ending = run_session(&library, &plan, &mut *bus, &mut |event| match event {
         Event::CaseStarted(started) => case = started.name(),
-        Event::CaseEnded(ended) => match ended.outcome.verdict() {
-            Verdict::Pass | Verdict::Lenient => came.passed += 1,
-            verdict @ (Verdict::Fail | Verdict::Error) => {
-                came.wrong.push(format!("{verdict} {case}: {:?}", ended.outcome));
+        Event::CaseEnded(ended) => {
+            let driven = driven.lock().expect("nothing panicked").take();
+            came.driven.extend(driven.map(|output| format!("{case}: {output}")));
+            match ended.outcome.verdict() {
+                Verdict::Pass | Verdict::Lenient => came.passed += 1,
+                verdict @ (Verdict::Fail | Verdict::Error) => {
+                    came.wrong.push(format!("{verdict} {case}: {:?}", ended.outcome));
+                }
+                _ => {}
             }
-            _ => {}
-        },
+        }
         _ => {}
     });
     assert_eq!(ending, Ending::Complete);
     came.breaches = std::mem::take(&mut *breaches.lock().expect("nothing panicked"));
     came
 }
+
+/// How the names of outputs on a bench begin.
+const DRIVEN: [&str; 4] = ["digital-outputs-", "analogue-output-", "output-current-", "heater"];
 
 /// A device that notes what is done to it and must not be.
 struct Watched {
@@ -231,9 +256,39 @@ struct Watched {
     breaches: Arc<Mutex<Vec<String>>>,
     /// How often 1010h and 1011h were written.
     writes: [u32; 2],
+    /// The names of its outputs on a bench.
+    outputs: Vec<String>,
+    /// The first output that is driven, and how.
+    driven: Arc<Mutex<Option<String>>>,
 }
 
 impl Watched {
+    fn new(
+        node: Node,
+        drawn: Drawn,
+        breaches: Arc<Mutex<Vec<String>>>,
+        driven: Arc<Mutex<Option<String>>>,
+    ) -> Self {
+        let drives = |name: &String| DRIVEN.iter().any(|known| name.starts_with(known));
+        let outputs = node.bench_names().into_iter().filter(drives).collect();
+        Self { node, drawn, breaches, writes: [0; 2], outputs, driven }
+    }
+
+    /// Notes the first output that is driven.
+    fn look_at_outputs(&self, now: Instant) {
+        let mut driven = self.driven.lock().expect("nothing panicked");
+        if driven.is_some() {
+            return;
+        }
+        let on = self.outputs.iter().filter_map(|name| Some((name, self.node.observe(name)?)));
+        let is_on = |value: &Value| match value {
+            Value::Text(word) => word == "on",
+            value => value.as_real().is_some_and(|value| value != 0.0),
+        };
+        let mut on = on.filter(|(_, value)| is_on(value));
+        *driven = on.next().map(|(name, value)| format!("{now} {name} = {value:?}"));
+    }
+
     fn look(&mut self, now: Instant, frame: &Frame) {
         let (Some(id), false) = (frame.id.as_standard(), frame.remote) else { return };
         let data = &*frame.data;
@@ -302,10 +357,12 @@ impl Device for Watched {
     fn handle_frame(&mut self, now: Instant, frame: &Frame, out: &mut Outbox) {
         self.look(now, frame);
         self.node.handle_frame(now, frame, out);
+        self.look_at_outputs(now);
     }
 
     fn handle_timeout(&mut self, now: Instant, out: &mut Outbox) {
         self.node.handle_timeout(now, out);
+        self.look_at_outputs(now);
     }
 
     fn poll_at(&self) -> Option<Instant> {

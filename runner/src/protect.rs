@@ -84,17 +84,28 @@ impl Outputs {
     }
 }
 
-/// Whether an entry of a manufacturer's, by its name in the data sheet, shows an output: process
-/// data that nobody writes.
+/// Whether an entry of a manufacturer's shows an output: process data that nobody writes.
 fn shows_output(entry: &Entry, eds: &Eds) -> bool {
-    let named = |name: &str| {
-        let mut words = name.split(|c: char| !c.is_alphanumeric());
-        words.any(|word| matches!(&*word.to_ascii_lowercase(), "output" | "outputs"))
-    };
     (MANUFACTURER..PROFILES).contains(&entry.mux.index)
         && !entry.access.writable()
         && entry.maps_into(Direction::Transmit)
-        && (named(&entry.name) || eds.object(entry.mux.index).is_some_and(|it| named(&it.name)))
+        && is_about_outputs(entry, eds)
+}
+
+/// Whether an entry of a manufacturer's may drive an output: a parameter that gives it a source, an
+/// override or a polarity is not process data.
+fn may_drive(entry: &Entry, eds: &Eds) -> bool {
+    entry.mux.index >= MANUFACTURER && entry.access.writable() && is_about_outputs(entry, eds)
+}
+
+/// Whether an entry is about an output, by its name in the data sheet.
+fn is_about_outputs(entry: &Entry, eds: &Eds) -> bool {
+    let is_one = |word: &str| {
+        let word = word.trim_end_matches(|c: char| c.is_ascii_digit()).to_ascii_lowercase();
+        matches!(&*word, "output" | "outputs" | "ao" | "do")
+    };
+    let named = |name: &str| name.split(|c: char| !c.is_alphanumeric()).any(is_one);
+    named(&entry.name) || eds.object(entry.mux.index).is_some_and(|it| named(&it.name))
 }
 
 /// Store parameters, and restore default parameters.
@@ -124,9 +135,10 @@ impl Protection {
         self.entries.extend(all);
     }
 
-    /// Protects what a device makes of received process data, and the outputs of CiA 401 with what
-    /// they do on errors, those included that the data sheet lacks. While one of them is
-    /// [on](Self::hold), nothing is sent that may move it.
+    /// Protects what a device makes of received process data, the parameters that are about outputs
+    /// by their names, and the outputs of CiA 401 with what they do on errors, those included that
+    /// the data sheet lacks. While one of them is [on](Self::hold), nothing is sent that may move
+    /// it.
     pub fn protect_outputs(&mut self, eds: &Eds, generic_io: bool, by: &Arc<str>) {
         let of_profile =
             |mux: Mux| generic_io && OUTPUTS.iter().any(|range| range.contains(&mux.index));
@@ -135,7 +147,9 @@ impl Protection {
                 || of_profile(entry.mux)
         });
         let received: BTreeSet<Mux> = received.map(|entry| entry.mux).collect();
-        self.entries.extend(received.iter().map(|mux| (*mux, Arc::clone(by))));
+        let driving = eds.entries().filter(|entry| may_drive(entry, eds)).map(|entry| entry.mux);
+        let moving = received.iter().copied().chain(driving);
+        self.entries.extend(moving.map(|mux| (mux, Arc::clone(by))));
         let mut shown = received;
         if generic_io {
             for indices in OUTPUTS {

@@ -17,6 +17,8 @@ deviations! {
     };
     "offset-before-gain" =>
         calibrated: |_, digits, gain, offset| (digits + offset) * (1.0 + gain / 1000.0);
+    "calibrated-in-digits" =>
+        calibrated: |rules, digits, gain, offset| rules.calibrated(digits.round(), gain, offset);
     "gain-in-per-cent" =>
         calibrated: |_, digits, gain, offset| digits * (1.0 + gain / 100.0) + offset;
     "error-state-20-ma-is-21-5" =>
