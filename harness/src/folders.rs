@@ -174,7 +174,9 @@ impl Folders {
             read_folder(&folder, &mut found).map_err(|complaint| vec![complaint])?;
             if folder == here && data.is_none() && stands_alone && differ(&found, &built_in()) {
                 complain!(
-                    "note: the suites of ./suites are read, which differ from those in this program"
+                    "note: the suites of ./suites are read instead of those in this program, from \
+                     which they differ; a folder of your own that stands beside them has another \
+                     name, with `--suites NAME`"
                 );
             }
             add(&mut sources, &folder, found);

@@ -526,7 +526,9 @@ fn standard_error_that_takes_nothing_changes_nothing() {
 
 /// What is said beside the note that the demonstration has suites of its own.
 fn beside_note(said: &[u8]) -> &str {
-    let note = "note: the suites of ./suites are read, which differ from those in this program\n";
+    let note = "note: the suites of ./suites are read instead of those in this program, from which \
+                they differ; a folder of your own that stands beside them has another name, with \
+                `--suites NAME`\n";
     text(said).trim_start_matches(note)
 }
 

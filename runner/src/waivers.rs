@@ -231,11 +231,30 @@ impl Waivers {
             let causes = waiver.causes(*place);
             let gone = |(_, cause): &(_, _)| !ran.iter().any(|case| waiver.occurs_in(case, *cause));
             for (place, _) in causes.into_iter().filter(gone) {
-                complain(place, "what this waives does not occur any more".to_owned());
+                complain(place, format!("what this waives does not occur{}", otherwise(&ran)));
             }
         }
         complaints
     }
+}
+
+/// Of a waiver whose cause does not occur in the cases that it names: the cause that does, in the
+/// words of a waiver.
+fn otherwise(ran: &[&CaseRun]) -> String {
+    let red = ran.iter().filter(|case| !matches!(case.outcome, Outcome::Waived { .. }));
+    let mut red = red.filter_map(|case| Some((case, case.cause.as_deref()?)));
+    let Some((case, cause)) = red.next() else { return " any more".to_owned() };
+    let object = cause.object.as_ref().map(|object| format!(", object: \"{object}\""));
+    let requirement = match cause.requirement.as_str() {
+        "" => String::new(),
+        ids => format!("requirement: {ids}"),
+    };
+    format!(
+        ": the cause of {} is {{ {requirement}{}, text: \"{}\" }}",
+        case.info.name(),
+        object.unwrap_or_default(),
+        cause.difference
+    )
 }
 
 impl WaiverEntry {
@@ -394,7 +413,8 @@ impl CauseEntry {
     fn is(&self, cause: &Cause) -> bool {
         let fits = |glob: &str, text: &str| WildMatch::new(glob).matches(text);
         let requirement = self.requirement.as_ref().map(|ids| ids.value.as_str());
-        requirement.is_none_or(|glob| fits(glob, &cause.requirement))
+        let one_of = |glob| cause.requirement.split_whitespace().any(|id| fits(glob, id));
+        requirement.is_none_or(|glob| fits(glob, &cause.requirement) || one_of(glob))
             && self.text.as_ref().is_none_or(|glob| fits(glob, &cause.difference))
             && self
                 .object

@@ -86,7 +86,11 @@ fn behaviour_of(
         return None;
     }
     let meant = match did_you_mean(&behaviour.value, known.behaviours.iter().copied()) {
-        meant if meant.is_empty() => format!(": there is {}", known.behaviours.join(", ")),
+        meant if meant.is_empty() => format!(
+            ": there is {}. One of your own is a program, `exec:`; leave `behaviour: inert` for its \
+             data sheet",
+            known.behaviours.join(", ")
+        ),
         meant => meant,
     };
     let message = format!("no behaviour `{}`{meant}", behaviour.value);

@@ -3,6 +3,11 @@
 
 use canopen::source::{Decimal, Node};
 
+/// Units of time: how many microseconds each has, and what a microsecond is in it. A minute has no
+/// decimal part of which that can be said.
+const TIMES: [(&str, i128, &str); 4] =
+    [("us", 1, "1"), ("ms", 1_000, "0.001"), ("s", 1_000_000, "0.000001"), ("min", 60_000_000, "")];
+
 /// The value of one count of an object, and its unit.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Scale {
@@ -17,11 +22,21 @@ impl Scale {
     pub(super) fn number(&self, node: &Node) -> Option<Decimal> {
         match node {
             Node::Text(text) if !self.unit.is_empty() => {
-                let number = text.strip_suffix(self.unit.as_str())?;
-                Decimal::of(&Node::from(number.trim_end()))
+                let alone = |number: &str| Decimal::of(&Node::from(number.trim_end()));
+                text.strip_suffix(self.unit.as_str()).and_then(alone).or_else(|| self.time(text))
             }
             other => Decimal::of(other),
         }
+    }
+
+    /// A time that is written in another unit than that of the object: `1500 ms` where it is in
+    /// seconds.
+    fn time(&self, text: &str) -> Option<Decimal> {
+        let of = |unit: &str| TIMES.iter().find(|(known, ..)| *known == unit.trim());
+        let (number, unit) = text.split_at(text.find(|c: char| c.is_ascii_alphabetic())?);
+        let ((_, micros, _), (_, _, inverse)) = (of(unit)?, of(&self.unit)?);
+        let number = Decimal::of(&Node::from(number.trim_end()))?;
+        number.times(Decimal::from(*micros))?.times(inverse.parse().ok()?)
     }
 
     /// Counts instead of a value in the unit. `None` when it is no such value.
@@ -95,6 +110,15 @@ mod tests {
             assert_eq!(counts(text), None, "{text}");
         }
         assert_eq!(tenths.show(-5).unwrap(), "-0.5 °C");
+        let seconds = Scale { count: "0.1".parse().unwrap(), unit: "s".to_owned() };
+        let counts_of = |text: &str| match seconds.counts(&Node::from(text)) {
+            Some(Ok(Node::Int(counts, _))) => Some(counts),
+            _ => None,
+        };
+        let times = [("1.5 s", Some(15)), ("1500 ms", Some(15)), ("2 min", Some(1200))];
+        for (text, expected) in times.into_iter().chain([("1550 ms", None), ("3 K", None)]) {
+            assert_eq!(counts_of(text), expected, "{text}");
+        }
         let tens = Scale { count: "10".parse().unwrap(), unit: String::new() };
         assert_eq!(tens.show(3).unwrap(), "30");
         assert!(tens.counts(&Node::from("5")).unwrap().is_err());

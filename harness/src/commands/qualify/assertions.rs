@@ -109,7 +109,13 @@ impl<'l> Assertions<'l> {
             }
         }
         let all = suites.iter().fold(Figures::default(), |all, (_, figures)| all + *figures);
-        text.push_str(&format!("assertions: {all}\n"));
+        let rest = all.left();
+        let hint = match rest {
+            0 => String::new(),
+            _ if args.unproved => format!(", {rest} not:"),
+            _ => format!(", {rest} not: `--unproved` names them"),
+        };
+        text.push_str(&format!("assertions: {all}{hint}\n"));
         for (name, figures) in suites.iter().filter(|_| args.verbose) {
             text.push_str(&format!("  {name}: {figures}\n"));
         }
@@ -212,6 +218,15 @@ impl Figures {
         count.all += 1;
         count.proved += usize::from(judged.by.is_some());
         count.excused += usize::from(judged.by.is_none() && judged.excuse.is_some());
+    }
+}
+
+impl Figures {
+    /// How many are neither proved nor excused.
+    const fn left(self) -> usize {
+        let [steps, constraints] = [self.steps, self.constraints];
+        let all = steps.all + constraints.all;
+        all - steps.proved - steps.excused - constraints.proved - constraints.excused
     }
 }
 
