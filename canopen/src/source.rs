@@ -144,6 +144,15 @@ pub struct Complaint {
 }
 
 impl Complaint {
+    /// The mistake with its place, without the line of the file.
+    pub fn in_one_line(&self) -> String {
+        let Self { source, place, message } = self;
+        match place {
+            Some(place) => format!("{}:{}: {message}", source.name, place.line),
+            None => format!("{}: {message}", source.name),
+        }
+    }
+
     /// A complaint about a place of a file.
     pub fn at(source: &Arc<Source>, place: Place, message: impl Into<String>) -> Self {
         Self { source: Arc::clone(source), place: Some(place), message: message.into() }

@@ -221,8 +221,7 @@ fn run(device: &str, drawn: &Drawn, file: &str) -> Came {
     let breaches = Arc::new(Mutex::new(Vec::new()));
     let driven = Arc::new(Mutex::new(None));
     let mut bus = VirtualBus::new(DEFAULT_BIT_RATE);
-    let watched =
-        Watched::new(node, drawn.clone(), Arc::clone(&breaches), Arc::clone(&driven));
+    let watched = Watched::new(node, drawn.clone(), Arc::clone(&breaches), Arc::clone(&driven));
     bus.attach(watched);
     let (mut came, mut case) = (Came::default(), String::new());
     let mut bus = target.guard(Box::new(bus));

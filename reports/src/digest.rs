@@ -179,6 +179,8 @@ fn facts_of_run(run: &Run) -> Vec<(&'static str, String)> {
     ];
     facts.extend(started.began.map(|began| ("began", date(began))));
     facts.extend(started.seed.map(|seed| ("seed", seed.to_string())));
+    let outdated = run.ended.iter().flat_map(|ended| &ended.outdated);
+    facts.extend(outdated.map(|waiver| ("waiver out of date", clean(waiver))));
     facts
 }
 

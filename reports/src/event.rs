@@ -337,6 +337,9 @@ pub struct RunEnded {
     pub exit: u8,
     /// Why the run stopped before its end, when it did.
     pub reason: Option<String>,
+    /// The waivers that are out of date, each with its place, in one line.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub outdated: Vec<String>,
 }
 
 fn no_names(names: &Arc<ObjectNames>) -> bool {

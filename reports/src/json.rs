@@ -53,6 +53,8 @@ pub struct Report<'r> {
     exit: Option<u8>,
     /// Why the run stopped before its end.
     stopped: Option<&'r str>,
+    /// The waivers that are out of date, each with its place.
+    outdated: &'r [String],
     /// How many cases came out how, by verdict.
     counts: BTreeMap<&'static str, usize>,
     /// What is broken, tolerated or waived, each with the cases that show it.
@@ -262,6 +264,7 @@ impl<'r> Report<'r> {
             green: digest.is_green,
             exit: run.ended.as_ref().map(|it| it.exit),
             stopped: run.ended.as_ref().and_then(|it| it.reason.as_deref()),
+            outdated: run.ended.as_ref().map_or(&[], |it| &it.outdated),
             counts: counted(run.counts()),
             comparison: run.comparison.as_ref().map(|it| Compared {
                 regression: it.is_regression,

@@ -20,6 +20,7 @@ pub fn merged(runs: Vec<Run>) -> Run {
             (Some(one), Some(other)) => Some(RunEnded {
                 exit: one.exit.max(other.exit),
                 reason: one.reason.or(other.reason),
+                outdated: one.outdated.into_iter().chain(other.outdated).collect(),
             }),
             // One that was cut off is not at its end, and so the whole is not.
             _ => None,

@@ -183,7 +183,8 @@ impl Prepared {
         if let Some(reason) = reason.as_ref().filter(|_| stopped > Exit::Green) {
             complain!("error: {}", harmless(reason));
         }
-        reporter.tell(&Event::RunEnded(RunEnded { exit: worst as u8, reason }));
+        let said = outdated.iter().map(Complaint::in_one_line).collect();
+        reporter.tell(&Event::RunEnded(RunEnded { exit: worst as u8, reason, outdated: said }));
         let finished = reporter.finish();
         for complaint in outdated {
             complain!("{}\n", harmless(&complaint.to_string()));

@@ -61,7 +61,7 @@ pub(super) fn events(args: &RunArgs, why: &str, exit: u8) -> Vec<Event> {
         })),
         Event::CaseStarted(case.clone()),
         Event::CaseEnded(CaseEnded::of(&case, Instant::ZERO, outcome)),
-        Event::RunEnded(RunEnded { exit, reason: Some(why.to_owned()) }),
+        Event::RunEnded(RunEnded { exit, reason: Some(why.to_owned()), outdated: Vec::new() }),
     ]
 }
 

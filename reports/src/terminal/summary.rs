@@ -32,6 +32,9 @@ pub fn summary(run: &Run, style: Style, verbosity: Verbosity) -> String {
     if let Some(reason) = run.ended.as_ref().and_then(|end| end.reason.as_ref()) {
         let _ = writeln!(text, "stopped: {}\n", one_line(reason));
     }
+    for waiver in run.ended.iter().flat_map(|end| &end.outdated) {
+        let _ = writeln!(text, "waiver out of date: {}\n", one_line(waiver));
+    }
     grouped(run, &mut text);
     again(run, &mut text);
     let counts = run.counts();

@@ -353,14 +353,13 @@ impl Scope {
     /// A time in the unit of the object.
     fn ticks(&self, amount: &Amount, entry: &Entry) -> Result<i128, Wrong> {
         let time = self.time(amount)?;
-        let tick = tick(entry.mux)
-            .ok_or_else(|| {
-                format!(
-                    "{} has no unit of time: write a number, or give it a word with a unit in \
+        let tick = tick(entry.mux).ok_or_else(|| {
+            format!(
+                "{} has no unit of time: write a number, or give it a word with a unit in \
                      words.yaml, such as {{ at: \"{}\", scale: 0.001, unit: s }}",
-                    entry.mux, entry.mux
-                )
-            })?;
+                entry.mux, entry.mux
+            )
+        })?;
         if time.as_nanos() % tick.as_nanos() != 0 {
             let (time, tick) = (show_time(time), show_time(tick));
             return Err(format!(

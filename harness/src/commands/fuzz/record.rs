@@ -145,7 +145,11 @@ impl<'r> Record<'r> {
         let of_waivers = if outdated.is_empty() { Exit::Green } else { Exit::Waivers };
         let of_findings = if red { Exit::Findings } else { Exit::Green };
         let worst = stopped.max(of_findings).max(of_waivers);
-        self.reporter.tell(&Event::RunEnded(RunEnded { exit: worst as u8, reason }));
+        self.reporter.tell(&Event::RunEnded(RunEnded {
+            exit: worst as u8,
+            reason,
+            outdated: Vec::new(),
+        }));
         let finished = self.reporter.finish();
         for complaint in outdated {
             complain!("{complaint}\n");
