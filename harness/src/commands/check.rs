@@ -1,6 +1,7 @@
 //! `harness check`: load and lint everything, touch no bus.
 
 use std::collections::BTreeSet;
+use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -50,6 +51,9 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
         }
     };
     let targets = targets_of(&names, &catalogue)?;
+    if !devices.is_empty() {
+        up_to_date(&names, &catalogue)?;
+    }
     // Devices that are named come before the suites, which take longest to read.
     let sound = match devices.as_slice() {
         [] => None,
@@ -107,6 +111,28 @@ fn targets_of(names: &[String], catalogue: &Catalogue) -> Result<Vec<Target>, Re
         target::resolve(&selection, catalogue, &Arc::default())
     };
     Ok(names.iter().map(target).collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
+}
+
+/// Checks that the data sheets and tables that lie beside descriptions are those of them.
+///
+/// # Errors
+/// The files that are older.
+fn up_to_date(names: &[String], catalogue: &Catalogue) -> Result<(), Refused> {
+    let mut older = Vec::new();
+    for name in names {
+        let device = target::reference_device(name, catalogue)?;
+        for (path, text) in device.generated_files() {
+            if fs::read(&path).is_ok_and(|written| written != text.as_bytes()) {
+                let source = Arc::new(Source { name: path, text: "".into() });
+                let message = format!(
+                    "this is not what the description says any more: `harness eds write {name}` \
+                     writes it anew"
+                );
+                older.push(Complaint { source, place: None, message });
+            }
+        }
+    }
+    if older.is_empty() { Ok(()) } else { Err(older.into()) }
 }
 
 /// How many mutants and freedoms these devices have.

@@ -1,5 +1,6 @@
 //! `harness explain`: explains any name that appears in a report.
 
+mod entries;
 mod words;
 
 use std::collections::BTreeSet;
@@ -146,7 +147,8 @@ impl Book {
         if let Some(finding) = CODES.iter().find(|known| known.name == name) {
             return Some(self.finding(finding));
         }
-        self.word(name).or_else(|| self.code(name))
+        let entry = || entries::entry(name, &self.library.catalogue);
+        self.word(name).or_else(|| self.code(name)).or_else(entry)
     }
 
     fn case(&self, suite: &Suite, case: &At<Case>) -> String {
