@@ -1,6 +1,7 @@
 """A preprocessor of mdBook: links that leave the book lead to the files of the project.
 
-On a server of GitHub these are the files of the commit, elsewhere those of the checkout.
+On a server of GitHub these are the files of the commit, elsewhere those of the checkout. What the
+tests of the guide read as any part of a line, `{..}`, is an ellipsis for the reader.
 """
 
 import json
@@ -21,7 +22,8 @@ def lead_out(items, root):
     for item in items:
         if chapter := isinstance(item, dict) and item.get("Chapter"):
             text = re.sub(r"(!\[[^\]]*\]\()\.\./\.\./([^)#]+)", rf"\1{root}\2?raw=true", chapter["content"])
-            chapter["content"] = re.sub(r"(\]\()\.\./\.\./", rf"\1{root}", text)
+            text = re.sub(r"(\]\()\.\./\.\./", rf"\1{root}", text)
+            chapter["content"] = text.replace("{..}", "…")
             lead_out(chapter["sub_items"], root)
 
 
