@@ -124,6 +124,60 @@ fn numbers_of_vendor_and_product_may_be_in_the_dictionary_alone() {
     assert_eq!(said(&FAULTY.replace(product, "<productID/>")), ((0x123, 0), 1));
 }
 
+/// CiA 311 lets these be absent: they follow from the rest, or are 0.
+#[test]
+fn what_may_be_absent_is_no_finding() {
+    let reading = read(SPARSE.as_bytes());
+    assert_eq!(texts(&reading), [""; 0]);
+    let device = &reading.eds.device;
+    assert_eq!((device.rpdo_count, device.tpdo_count, device.lss), (0, 1, false));
+    assert_eq!(reading.eds.dummies, [5], "the others are not named");
+    let stated = SPARSE.replace("</ProfileBody>", "<CANopenGeneralFeatures/></ProfileBody>");
+    assert_eq!(
+        texts(&read(stated.as_bytes())),
+        [
+            "5:1: warning: DeviceInfo lacks Granularity [eds-device-info]",
+            "24:1: error: NrOfTXPDO is 0 instead of 1 [eds-pdo-count]",
+        ]
+    );
+}
+
+/// Editors write each attribute that there is, and what describes a record as a whole.
+#[test]
+fn what_says_nothing_is_no_finding() {
+    let empty = r#"lowLimit="" highLimit="" actualValue="" denotation="""#;
+    let whole = r#"dataType="0023" accessType="rw" defaultValue="" PDOmapping="no""#;
+    let text = SPARSE
+        .replace(r#"index="1017""#, &format!(r#"index="1017" {empty}"#))
+        .replace(r#"index="1018""#, &format!(r#"index="1018" {empty} {whole}"#));
+    let reading = read(text.as_bytes());
+    assert_eq!(texts(&reading), [""; 0]);
+    assert_eq!(reading.eds.without_lines(), read(SPARSE.as_bytes()).eds.without_lines());
+}
+
+#[test]
+fn an_empty_attribute_hides_no_parameter() {
+    let empty = r#"index="2000" lowLimit="" defaultValue="""#;
+    let text = BY_PARAMETER.replace(r#"index="2000""#, empty);
+    let (with, without) = (read(text.as_bytes()).eds, read(BY_PARAMETER.as_bytes()).eds);
+    assert_eq!(with.without_lines(), without.without_lines());
+}
+
+#[test]
+fn what_a_template_says_is_taken_from_there() {
+    let eds = read(TEMPLATES.as_bytes()).eds;
+    let said = |index| {
+        let entry = eds.entry(Mux::new(index, 0)).expect("it is described");
+        let values = [&entry.low, &entry.default, &entry.high];
+        let values = values.map(|it| it.as_ref().map(|it| it.resolve(1)));
+        (entry.access, entry.data_type, values)
+    };
+    let numbers = |numbers: [i128; 3]| numbers.map(|it| Some(canopen::Value::Int(it)));
+    assert_eq!(said(0x2000), (Access::Rw, DataType::UNSIGNED16, numbers([2, 5, 9])));
+    assert_eq!(said(0x2001), (Access::Const, DataType::UNSIGNED16, numbers([2, 6, 9])));
+    assert_eq!(said(0x2002), (Access::Ro, DataType::INTEGER8, [None, None, None]), "it is lost");
+}
+
 #[test]
 fn habits_of_editors_are_told() {
     let found = texts(&read(HABITS.as_bytes()));
@@ -242,3 +296,26 @@ const TWO_PROFILES: &str = r#"<ISO15745ProfileContainer>
 </ISO15745ProfileContainer>"#;
 
 const BY_PARAMETER: &str = include_str!("xdd/by-parameter.xdd");
+
+const SPARSE: &str = include_str!("xdd/sparse.xdd");
+
+const TEMPLATES: &str = r#"<ISO15745ProfileContainer>
+<templateList>
+  <parameterTemplate uniqueID="Speed" access="readWrite">
+    <UINT/><defaultValue value="5"/>
+  </parameterTemplate>
+  <allowedValuesTemplate uniqueID="Slow">
+    <range><minValue value="2"/><maxValue value="9"/></range>
+  </allowedValuesTemplate>
+</templateList>
+<parameterList>
+  <parameter uniqueID="A" templateIDRef="Speed"><allowedValues templateIDRef="Slow"/></parameter>
+  <parameter uniqueID="B" templateIDRef="Speed" access="const">
+    <defaultValue value="6"/><allowedValues templateIDRef="Slow"/>
+  </parameter>
+  <parameter uniqueID="C" templateIDRef="Lost"><SINT/></parameter>
+</parameterList>
+<CANopenObject index="2000" name="A" objectType="7" uniqueIDRef="A"/>
+<CANopenObject index="2001" name="B" objectType="7" uniqueIDRef="B"/>
+<CANopenObject index="2002" name="C" objectType="7" uniqueIDRef="C"/>
+</ISO15745ProfileContainer>"#;

@@ -235,21 +235,32 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
             });
             fill(&mut keys, known.collect());
         }
-        if let Some(general) = general {
-            let at = self.place(general);
-            keys.extend(self.attributes(general, GENERAL));
-            for (key, value) in [("NrOfRXPDO", "0"), ("NrOfTXPDO", "0"), ("LSS_Supported", "0")] {
-                if !keys.iter().any(|line| line.name == key) {
-                    keys.push(Line::at(key, value, at));
-                }
-            }
-        }
+        self.general_features(general, &mut keys, at);
         if let Some(master) = self.find("CANopenMasterFeatures") {
             keys.extend(self.attributes(master, MASTER));
         }
         self.of_identity_object(&mut keys, at);
         keys.extend(self.bit_rates());
         self.section("DeviceInfo", at).keys = keys;
+    }
+
+    /// Attributes that are absent are 0. The element itself may be absent; then nothing is said
+    /// about the PDOs, and there are those of the dictionary.
+    fn general_features(&self, general: Option<Node<'d, 'i>>, keys: &mut Vec<Line>, at: Place) {
+        let at = general.map_or(at, |it| self.place(it));
+        let pdos = |first: u16| match general {
+            Some(_) => 0,
+            None => {
+                let pdos = first..first + 0x200;
+                self.objects.iter().filter_map(index).filter(|(_, it)| pdos.contains(it)).count()
+            }
+        };
+        keys.extend(general.map_or_else(Vec::new, |it| self.attributes(it, GENERAL)));
+        supply(keys, [("NrOfRXPDO", pdos(0x1400)), ("NrOfTXPDO", pdos(0x1800))], at);
+        supply(keys, [("LSS_Supported", 0)], at);
+        if general.is_none() {
+            supply(keys, [("Granularity", 0)], at);
+        }
     }
 
     /// The text of an element as a value.
@@ -301,7 +312,7 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
         values.filter_map(line).collect()
     }
 
-    /// `<dummy entry="Dummy0005=1"/>`.
+    /// `<dummy entry="Dummy0005=1"/>`; a dummy that is not named is none.
     fn dummy_usage(&mut self) {
         let Some(usage) = self.find("dummyUsage") else { return };
         let mut keys = Vec::new();
@@ -317,6 +328,7 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
             }
         }
         let at = self.place(usage);
+        supply(&mut keys, DUMMIES.map(|name| (name, 0)), at);
         self.section("DummyUsage", at).keys = keys;
     }
 
@@ -328,11 +340,8 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
             (List::Optional, "optionalObjects"),
             (List::Manufacturer, "manufacturerObjects"),
         ] {
-            let indices = self.objects.iter().filter_map(|it| {
-                let attribute = it.attribute_node("index")?;
-                let index = u16::try_from(entry::hex(attribute.value())?).ok()?;
-                (List::of(index) == kind).then_some((attribute, index))
-            });
+            let indices = self.objects.iter().filter_map(index);
+            let indices = indices.filter(|(_, index)| List::of(*index) == kind);
             let mut keys: Vec<Line> = (1..)
                 .zip(indices)
                 .map(|(place, (attribute, index))| {
@@ -401,6 +410,25 @@ fn fill(keys: &mut Vec<Line>, with: Vec<Line>) {
             None => keys.push(line),
         }
     }
+}
+
+/// Adds numbers that CiA 311 leaves out.
+fn supply<'n>(
+    keys: &mut Vec<Line>,
+    numbers: impl IntoIterator<Item = (&'n str, usize)>,
+    at: Place,
+) {
+    for (name, number) in numbers {
+        if !keys.iter().any(|line| line.name == name) {
+            keys.push(Line::at(name, &number.to_string(), at));
+        }
+    }
+}
+
+/// The index of an object, and where it stands.
+fn index<'n, 'd, 'i>(object: &'n Node<'d, 'i>) -> Option<(Attribute<'n, 'i>, u16)> {
+    let attribute = object.attribute_node("index")?;
+    Some((attribute, u16::try_from(entry::hex(attribute.value())?).ok()?))
 }
 
 /// A value has no line ends, and no space around it.
@@ -508,6 +536,9 @@ const GENERAL: &[Told] = &[
     ("dynamicChannels", "DynamicChannelsSupported", as_is),
     ("layerSettingServiceSlave", "LSS_Supported", truth),
 ];
+
+const DUMMIES: [&str; 7] =
+    ["Dummy0001", "Dummy0002", "Dummy0003", "Dummy0004", "Dummy0005", "Dummy0006", "Dummy0007"];
 
 const MASTER: &[Told] = &[("bootUpMaster", "SimpleBootUpMaster", truth)];
 

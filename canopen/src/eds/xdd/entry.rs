@@ -5,7 +5,7 @@ use std::collections::{HashMap, HashSet};
 
 use roxmltree::Node;
 
-use super::{Line, Scribe, Told, as_is, decimal, is, truth};
+use super::{Line, Scribe, Told, as_is, decimal, fill, is, supply, truth};
 use crate::value::DataType;
 
 /// What a parameter says about the objects that refer to it.
@@ -14,8 +14,14 @@ pub(super) struct Parameter {
     pub(super) is_disabled: bool,
 }
 
-/// The data types that parameters refer to, by name: the element and the code of the basic type.
-type Types<'d, 'i> = HashMap<&'d str, Option<(Node<'d, 'i>, u16)>>;
+/// What parameters refer to, by name, each read once.
+#[derive(Default)]
+struct Shared<'d, 'i> {
+    /// Data types: the element and the code of the basic type.
+    types: HashMap<&'d str, Option<(Node<'d, 'i>, u16)>>,
+    /// What templates say.
+    templates: HashMap<&'d str, Vec<Line>>,
+}
 
 impl<'d, 'i> Scribe<'d, 'i, '_> {
     /// Reads what objects refer to.
@@ -23,10 +29,10 @@ impl<'d, 'i> Scribe<'d, 'i, '_> {
         let is_entry = |it: &Node<'_, '_>| is(it, "CANopenObject") || is(it, "CANopenSubObject");
         let entries = self.root.descendants().filter(is_entry);
         let ids: HashSet<&str> = entries.filter_map(|it| it.attribute("uniqueIDRef")).collect();
-        let mut types = Types::new();
+        let mut shared = Shared::default();
         for id in ids {
             if let Some(node) = self.referred.get(id).copied() {
-                let keys = self.parameter(node, &mut types);
+                let keys = self.parameter(node, &mut shared);
                 self.parameters.insert(id, Parameter { keys, is_disabled: is_disabled(node) });
             }
         }
@@ -38,19 +44,24 @@ impl<'d, 'i> Scribe<'d, 'i, '_> {
     }
 
     pub(super) fn entry(&self, node: Node<'d, 'i>) -> Vec<Line> {
+        let subs = || node.children().filter(|it| is(it, "CANopenSubObject"));
         let mut keys = self.attributes(node, ATTRIBUTES);
-        // The parameter of an array or a record describes the whole of it, which is no value.
-        let is_value = !node.children().any(|it| is(&it, "CANopenSubObject"));
-        if let Some(parameter) = self.parameter_of(node).filter(|_| is_value) {
-            let is_new = |line: &&Line| !keys.iter().any(|it| it.name == line.name);
-            let mut new: Vec<Line> = parameter.keys.iter().filter(is_new).cloned().collect();
-            let has_default = keys.iter().chain(&new).any(|it| it.name == "DefaultValue");
-            if !has_default {
-                bits_are_domain(&mut new);
+        if subs().next().is_none() {
+            if let Some(parameter) = self.parameter_of(node) {
+                add_parameter(&mut keys, parameter);
             }
-            keys.extend(new);
+            self.mapping(node, &mut keys);
+        } else {
+            supply(&mut keys, [("SubNumber", subs().count())], self.place(node));
+            // What is said about an array or a record as a whole is no value.
+            let has_first = subs().any(|it| it.attribute("subIndex").and_then(hex) == Some(0));
+            match has_first {
+                true => keys.retain(|line| !OF_VALUES.contains(&line.name.as_str())),
+                false => self.mapping(node, &mut keys),
+            }
         }
-        self.mapping(node, &mut keys);
+        // An editor writes each attribute that there is, and leaves those empty that say nothing.
+        keys.retain(|line| !(line.value.is_empty() && MAY_BE_EMPTY.contains(&line.name.as_str())));
         keys
     }
 
@@ -73,17 +84,32 @@ impl<'d, 'i> Scribe<'d, 'i, '_> {
         keys.push(self.line("PDOMapping", attribute, mapped));
     }
 
-    fn parameter(&self, node: Node<'d, 'i>, types: &mut Types<'d, 'i>) -> Vec<Line> {
-        let mut keys = self.attributes(node, PARAMETER);
-        // The attribute is `read` where it is absent, as editors leave it.
-        if node.attribute("access").is_none() {
-            keys.push(Line::at("AccessType", "ro", self.place(node)));
+    fn parameter(&self, node: Node<'d, 'i>, shared: &mut Shared<'d, 'i>) -> Vec<Line> {
+        let mut keys = self.said(node, shared);
+        let allowed = node.children().find(|it| is(it, "allowedValues"));
+        let from = |it: Node<'d, 'i>| it.attribute("templateIDRef");
+        for id in [from(node), allowed.and_then(from)].into_iter().flatten() {
+            let Some(template) = self.referred.get(id) else { continue };
+            if !shared.templates.contains_key(id) {
+                let said = self.said(*template, shared);
+                shared.templates.insert(id, said);
+            }
+            fill(&mut keys, shared.templates[id].clone());
         }
+        // The attribute is `read` where it is absent, as editors leave it.
+        let access = Line::at("AccessType", "ro", self.place(node));
+        fill(&mut keys, vec![access]);
+        keys
+    }
+
+    /// What a parameter, or a template of parameters or of their limits, says itself.
+    fn said(&self, node: Node<'d, 'i>, shared: &mut Shared<'d, 'i>) -> Vec<Line> {
+        let mut keys = self.attributes(node, PARAMETER);
         // Limits are one range: what is allowed in several ranges has none.
         let several = node.descendants().filter(|it| is(it, "range")).count() > 1;
         let below = |name| node.descendants().find(|it| is(it, name));
         for (element, key) in [
-            ("defaultValue", "DefaultValue"),
+            ("defaultValue", DEFAULT),
             ("actualValue", "ParameterValue"),
             ("minValue", "LowLimit"),
             ("maxValue", "HighLimit"),
@@ -92,7 +118,7 @@ impl<'d, 'i> Scribe<'d, 'i, '_> {
             let is_told = !(several && key.ends_with("Limit"));
             keys.extend(value.filter(|_| is_told).map(|it| self.line(key, it, it.value())));
         }
-        if let Some((at, data_type)) = self.data_type(node, types) {
+        if let Some((at, data_type)) = self.data_type(node, shared) {
             keys.push(Line::at("DataType", &format!("0x{data_type:04X}"), self.place(at)));
         }
         keys
@@ -102,16 +128,26 @@ impl<'d, 'i> Scribe<'d, 'i, '_> {
     fn data_type(
         &self,
         node: Node<'d, 'i>,
-        types: &mut Types<'d, 'i>,
+        shared: &mut Shared<'d, 'i>,
     ) -> Option<(Node<'d, 'i>, u16)> {
         let named = || {
             let reference = node.children().find(|it| is(it, "dataTypeIDRef"))?;
             let name = reference.attribute("uniqueIDRef")?;
             let derived = || self.referred.get(name).copied().and_then(basic);
-            *types.entry(name).or_insert_with(derived)
+            *shared.types.entry(name).or_insert_with(derived)
         };
         basic(node).or_else(named)
     }
+}
+
+/// What an object does not say itself.
+fn add_parameter(keys: &mut Vec<Line>, parameter: &Parameter) {
+    let has_default = |keys: &[Line]| keys.iter().any(|line| line.name == DEFAULT);
+    let mut new = parameter.keys.clone();
+    if !has_default(keys) && !has_default(&new) {
+        bits_are_domain(&mut new);
+    }
+    fill(keys, new);
 }
 
 /// The basic type that an element holds.
@@ -161,12 +197,20 @@ const ATTRIBUTES: &[Told] = &[
     ("lowLimit", "LowLimit", as_is),
     ("highLimit", "HighLimit", as_is),
     ("accessType", "AccessType", as_is),
-    ("defaultValue", "DefaultValue", as_is),
+    ("defaultValue", DEFAULT, as_is),
     ("actualValue", "ParameterValue", as_is),
     ("denotation", "Denotation", as_is),
     ("subNumber", "SubNumber", decimal),
     ("objFlags", "ObjFlags", of_digits),
 ];
+
+const DEFAULT: &str = "DefaultValue";
+
+/// Keys that describe a value.
+const OF_VALUES: [&str; 6] =
+    ["DataType", "LowLimit", "HighLimit", "AccessType", DEFAULT, "ParameterValue"];
+
+const MAY_BE_EMPTY: [&str; 4] = ["LowLimit", "HighLimit", "ParameterValue", "Denotation"];
 
 const PARAMETER: &[Told] = &[("access", "AccessType", access)];
 
