@@ -187,21 +187,39 @@ fn a_shared_bus_of_python_can_gets_the_verdicts_of_virtual_time() {
     assert!(times.contains("those of their echoes"), "{times}");
 }
 
-/// Its waivers explain what is red on vcan0: nothing else is red here.
+/// A device that is made of a stack of others, its data sheet, and what explains what is red of it.
+const OF_OTHERS: [&str; 3] = [
+    concat!(env!("CARGO_MANIFEST_DIR"), "/tests/foreign/python-canopen/device.py"),
+    concat!(env!("CARGO_MANIFEST_DIR"), "/tests/foreign/python-canopen/sheet.eds"),
+    concat!(env!("CARGO_MANIFEST_DIR"), "/tests/foreign/python-canopen/waivers.yaml"),
+];
+
 #[test]
 #[ignore = "needs python-can: PYTHON names an interpreter that has it"]
 fn a_stack_of_others_behind_python_can_is_as_its_waivers_say() {
-    const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/foreign/python-canopen");
-    let [script, sheet, waivers] =
-        ["device.py", "sheet.eds", "waivers.yaml"].map(|file| format!("{FOLDER}/{file}"));
-    let (_device, target) = python::of_others_on_multicast(3, &script);
+    let (_device, target) = python::of_others_on_multicast(3, OF_OTHERS[0]);
     let mut scan = harness();
     let there = scan.args(["scan", "--wait", "--target", &target]).output();
     assert!(said(&there.expect("the program starts")).contains("\n3 "));
+    others_are_as_their_waivers_say(&target);
+}
+
+#[test]
+#[ignore = "needs python-can: PYTHON names an interpreter that has it"]
+fn a_stack_of_python_can_behind_other_adapters_is_as_its_waivers_say() {
+    let line = adapter::on_line(OF_OTHERS[0], Manner::default());
+    others_are_as_their_waivers_say(&format!("slcan:{},bitrate=1000000", line.path));
+    let address = adapter::socketcand(OF_OTHERS[0], Manner::default());
+    others_are_as_their_waivers_say(&format!("socketcand://{address}/can0"));
+}
+
+/// Its waivers explain what is red on vcan0: nothing else is red here.
+fn others_are_as_their_waivers_say(target: &str) {
+    let [_, sheet, waivers] = OF_OTHERS;
     let cases = ["cia301/nmt", "cia301/sdo-expedited", "cia301/sdo-segmented", "--node", "3"];
     let mut program = harness();
-    program.args(["--eds", &sheet, "--waivers", &waivers]);
-    let (found, output) = run_by(program, &target, &cases);
+    program.args(["--eds", sheet, "--waivers", waivers]);
+    let (found, output) = run_by(program, target, &cases);
     // What a busy machine spoils is decided by nobody.
     assert!(matches!(output.status.code(), Some(0 | 6)), "{}", said(&output));
     let count = |which| found.cases().filter(|(_, case)| case.verdict() == which).count();

@@ -1,6 +1,6 @@
 //! An adapter with Lawicel's protocol and a server that speaks as socketcand does, each with
-//! reference devices on its bus, one or with ` & ` between them several. How they read and write is
-//! their own, and nothing of the harness.
+//! reference devices on its bus, one or with ` & ` between them several, or devices in Python, by
+//! their scripts. How they read and write is their own, and nothing of the harness.
 
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, Read, Write};
@@ -232,8 +232,14 @@ fn devices(
 
 /// A device that has booted up, and the lines that follow.
 fn device(arguments: &str) -> (Device, ChildStdin, impl Iterator<Item = String> + Send + use<>) {
-    let mut serve = Command::new(env!("CARGO_BIN_EXE_harness"));
-    serve.arg("serve").args(arguments.split(' ')).arg("--stdio");
+    let mut serve = match arguments.ends_with(".py") {
+        true => crate::python::of_others_on_pipes(arguments),
+        false => {
+            let mut serve = Command::new(env!("CARGO_BIN_EXE_harness"));
+            serve.arg("serve").args(arguments.split(' ')).arg("--stdio");
+            serve
+        }
+    };
     serve.stdin(Stdio::piped()).stdout(Stdio::piped());
     let mut device = Device(serve.spawn().expect("the device starts"));
     let to = device.0.stdin.take().expect("it is a pipe");

@@ -9,6 +9,9 @@ use std::thread;
 /// The program that puts a device on a bus.
 pub(crate) const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/python_can.py");
 
+/// The program that puts a device in Python on pipes.
+const PIPES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/common/python_pipes.py");
+
 /// A device that ends with the test.
 pub(crate) struct Served(Child);
 
@@ -43,6 +46,13 @@ pub(crate) fn of_others_on_multicast(place: u8, script: &str) -> (Served, String
     let bus = multicast(place);
     let served = program(script, &bus).spawn().expect("there is Python");
     (Served(served), format!("python-can:{bus}"))
+}
+
+/// A device in Python on pipes.
+pub(crate) fn of_others_on_pipes(script: &str) -> Command {
+    let mut command = program(PIPES, "virtual:bench");
+    command.arg(script);
+    command
 }
 
 fn multicast(place: u8) -> String {
