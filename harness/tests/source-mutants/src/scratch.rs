@@ -122,8 +122,10 @@ impl Scratch {
         cargo.env("CARGO_PROFILE_RELEASE_LTO", "off").env("RUSTFLAGS", "--cap-lints=allow");
         cargo.args([command, "--release", "-p", package, "--message-format=json", "-q"]);
         cargo.arg("--keep-going");
-        let devices = "profile.release.package.reference-devices";
-        cargo.arg("--config").arg(format!("{devices}.opt-level={level}"));
+        let own = ["campaign", "canopen", "reports", "runner"].map(|name| (name, 1));
+        for (name, level) in own.into_iter().chain([("reference-devices", level)]) {
+            cargo.arg("--config").arg(format!("profile.release.package.{name}.opt-level={level}"));
+        }
         let output = cargo.output().map_err(|error| format!("cargo: {error}"))?;
         let lines = String::from_utf8_lossy(&output.stdout).into_owned();
         let messages = lines.lines().filter_map(|line| serde_json::from_str::<Line>(line).ok());
