@@ -137,7 +137,8 @@ impl fmt::Display for Row {
 
 /// `1,3,3`, with or without blanks.
 fn row(text: &str) -> Result<Row, String> {
-    let numbers: Result<_, _> = text.split(',').map(|number| number.trim().parse()).collect();
+    let numbers = text.split(',').map(|number| number.trim().parse::<u16>());
+    let numbers: Result<Vec<u16>, _> = numbers.collect();
     let numbers = numbers.map_err(|_| "numbers with commas, such as `1,3,3`, belong here")?;
     Ok(Row { numbers, said: None })
 }
