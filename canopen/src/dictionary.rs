@@ -13,6 +13,7 @@ use smallvec::SmallVec;
 use crate::abort::Abort;
 use crate::eds::{Eds, Entry};
 use crate::mux::Mux;
+use crate::pdo::Mapping;
 use crate::value::{DataType, Value, ValueError};
 
 use addresses::Addresses;
@@ -45,6 +46,9 @@ const RECENT: usize = 32;
 
 /// A value. Most are no longer than a register, and need no memory of their own.
 type Bytes = SmallVec<[u8; 16]>;
+
+/// How many objects a PDO maps at most (7.5.2.36); a greater count means another thing.
+const MOST_MAPPED: i64 = 64;
 
 impl Dictionary {
     /// The dictionary of a device with this sheet and node id, every value at its default.
@@ -119,6 +123,16 @@ impl Dictionary {
     /// The bytes at `mux`, `None` when there is no such entry.
     pub fn get(&self, mux: Mux) -> Option<&[u8]> {
         self.find(mux).map(|place| self.values[place].as_slice())
+    }
+
+    /// What the PDO with its communication parameters at `index` maps at present (CiA 301, 7.5.2.36
+    /// and 7.5.2.38): the mapping is 200h further. An entry that counts and is not there maps
+    /// nothing, in 0 bits. `None` when the device has no mapping there.
+    pub fn mapped(&self, index: u16) -> Option<Vec<Mapping>> {
+        let mapping = index + 0x200;
+        let count = self.int(Mux::new(mapping, 0))?.clamp(0, MOST_MAPPED) as u8;
+        let word = |sub| self.int(Mux::new(mapping, sub)).unwrap_or(0) as u32;
+        Some((1..=count).map(|sub| Mapping::decode(word(sub))).collect())
     }
 
     /// The whole number at `mux`, `None` when there is none.

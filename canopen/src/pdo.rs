@@ -3,7 +3,6 @@
 
 use std::fmt;
 
-use crate::dictionary::Dictionary;
 use crate::frame::{Data, Id};
 use crate::mux::Mux;
 use crate::value::unsigned;
@@ -97,19 +96,6 @@ impl Mapping {
         (self.mux.index as u32) << 16 | (self.mux.sub as u32) << 8 | self.bits as u32
     }
 }
-
-/// What the PDO with its communication parameters at `index` maps at present (7.5.2.36 and
-/// 7.5.2.38): the mapping is 200h further. An entry that counts and is not there maps nothing, in 0
-/// bits. `None` when the device has no mapping there.
-pub fn mapped(index: u16, od: &Dictionary) -> Option<Vec<Mapping>> {
-    let mapping = index + 0x200;
-    let count = od.int(Mux::new(mapping, 0))?.clamp(0, MOST_MAPPED) as u8;
-    let word = |sub| od.int(Mux::new(mapping, sub)).unwrap_or(0) as u32;
-    Some((1..=count).map(|sub| Mapping::decode(word(sub))).collect())
-}
-
-/// How many objects a PDO maps at most (7.5.2.36); a greater count means another thing.
-const MOST_MAPPED: i64 = 64;
 
 impl fmt::Debug for Mapping {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

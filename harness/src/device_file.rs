@@ -137,9 +137,9 @@ pub struct Protect {
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Allow {
-    /// Whether outputs may be driven: objects that can be mapped into an RPDO, parameters whose name
-    /// in the data sheet is about an output, and with CiA 401 also what outputs do on errors. Unless
-    /// this is `true` they may not, and while one is on, nothing is sent that may move it.
+    /// Whether outputs may be driven: objects that can be mapped into an RPDO, parameters whose
+    /// name in the data sheet is about an output, and with CiA 401 also what outputs do on errors.
+    /// Unless this is `true` they may not, and while one is on, nothing is sent that may move it.
     #[serde(default)]
     pub outputs: Option<At<bool>>,
 }

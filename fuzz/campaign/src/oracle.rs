@@ -1038,8 +1038,8 @@ impl<'b> Oracle<'b> {
         }
     }
 
-    /// Whether a frame would be as good as the one that is expected if the application had an error,
-    /// which a device may show in its objects before it reports it.
+    /// Whether a frame would be as good as the one that is expected if the application had an
+    /// error, which a device may show in its objects before it reports it.
     fn shows_an_error(&mut self, class: &Class, frame: &Frame, expected: &Frame) -> bool {
         if self.errors {
             return false;

@@ -87,8 +87,8 @@ fn behaviour_of(
     }
     let meant = match did_you_mean(&behaviour.value, known.behaviours.iter().copied()) {
         meant if meant.is_empty() => format!(
-            ": there is {}. One of your own is a program, `exec:`; leave `behaviour: inert` for its \
-             data sheet",
+            ": there is {}. One of your own is a program, `exec:`; leave `behaviour: inert` for \
+             its data sheet",
             known.behaviours.join(", ")
         ),
         meant => meant,

@@ -2,7 +2,7 @@
 
 use canopen::eds::Direction;
 use canopen::nmt::{Command, Service};
-use canopen::pdo::{self, CobId, Mapping};
+use canopen::pdo::{CobId, Mapping};
 use canopen::sdo::Request;
 use canopen::{Data, Frame, Id, Mux};
 
@@ -436,7 +436,7 @@ impl Draw<'_> {
 /// A PDO as the device has it; `None` when it has none, or nothing is mapped.
 fn usage(index: u16, direction: Direction, scene: Scene<'_>) -> Option<Usage> {
     let cob = scene.od.int(Mux::new(index, 1))? as u32 & !CobId::INVALID;
-    let entries = pdo::mapped(index, scene.od)?;
+    let entries = scene.od.mapped(index)?;
     let used = CobId(cob).can_id().raw() > 0 && !entries.is_empty();
     used.then_some(Usage { direction, index, cob, entries, timed: false })
 }

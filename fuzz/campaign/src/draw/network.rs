@@ -3,7 +3,7 @@
 use canopen::emcy::{Emcy, EmcyCode};
 use canopen::heartbeat::{ErrorControl, guarding_request};
 use canopen::nmt::{Command, Service};
-use canopen::pdo::{self, CobId};
+use canopen::pdo::CobId;
 use canopen::timestamp::TimeOfDay;
 use canopen::{Data, Frame, Id, Mux, NmtState, sync, timestamp};
 
@@ -190,7 +190,7 @@ impl Draw<'_> {
         if cob.can_id().raw() == 0 {
             return None;
         }
-        let entries = pdo::mapped(index, scene.od)?;
+        let entries = scene.od.mapped(index)?;
         let bits: u32 = entries.iter().map(|entry| u32::from(entry.bits)).sum();
         let bytes = bits.div_ceil(8).min(8) as usize;
         let mut data = [0; 8];

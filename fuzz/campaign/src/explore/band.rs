@@ -1,6 +1,6 @@
 //! What moves is somewhere between where it is for the replicas.
 
-use canopen::pdo::{self, CobId, Mapping, Unpacker};
+use canopen::pdo::{CobId, Mapping, Unpacker};
 use canopen::{DataType, Dictionary, Frame, Id, Mux, Value};
 
 /// Whether a value is one of those of the replicas; of a wide number, whether it lies among them.
@@ -43,7 +43,7 @@ fn mapped(id: Id, od: &Dictionary) -> Option<Vec<(Mapping, DataType)>> {
         cob.is_some_and(|cob| cob.valid() && cob.can_id() == id)
     })?;
     let typed = |mapping: Mapping| Some((mapping, od.entry(mapping.mux)?.data_type));
-    pdo::mapped(index, od)?.into_iter().map(typed).collect()
+    od.mapped(index)?.into_iter().map(typed).collect()
 }
 
 #[cfg(test)]

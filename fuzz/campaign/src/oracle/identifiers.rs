@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::time::Duration;
 
-use canopen::pdo::{self, CobId};
+use canopen::pdo::CobId;
 use canopen::sdo::RESPONSE_COB_ID;
 use canopen::{Dictionary, Frame, Id, Instant, Mux, emcy, lss};
 
@@ -192,7 +192,7 @@ const MOST_FORMER: usize = 64;
 impl Tpdo {
     fn new(od: &Dictionary, index: u16, id: Id) -> Option<Self> {
         let parameter = |sub| od.int(Mux::new(index, sub)).unwrap_or(0);
-        let entries = pdo::mapped(index, od)?;
+        let entries = od.mapped(index)?;
         let bits: u32 = entries.iter().map(|entry| u32::from(entry.bits)).sum();
         let kind = parameter(2) as u8;
         Some(Self {
