@@ -464,6 +464,7 @@ impl Behaviour for Drr460 {
         if !self.powered || self.rules.switches_act_at_once() {
             self.read = self.around.switches;
         }
+        let compares = !self.powered || self.rules.reset_node_compares_boards();
         if std::mem::replace(&mut self.powered, true) {
             self.follow(now, od);
         } else {
@@ -481,7 +482,7 @@ impl Behaviour for Drr460 {
         self.configure_at_power_on(od);
         self.controller.restart(&self.settings, self.around.faults, &self.rules);
         self.found = Found {
-            changed_hardware: self.around.module.differs(self.memory.module),
+            changed_hardware: compares && self.around.module.differs(self.memory.module),
             not_stored: false,
             unread: match self.around.faults.memory {
                 MemoryFault::AtPowerOn(bit) => {
@@ -583,7 +584,8 @@ impl Behaviour for Drr460 {
         self.changed = true;
         if event == CommunicationEvent::Reset {
             let differs = self.around.module.differs(self.memory.module);
-            self.found.changed_hardware |= differs && self.rules.each_reset_compares_boards();
+            self.found.changed_hardware |=
+                differs && self.rules.reset_communication_compares_boards();
         }
         if let CommunicationEvent::Entered(state) = event {
             if self.state == NmtState::INITIALISING && self.rules.reports_boot() {

@@ -273,8 +273,12 @@ impl Behaviour for Mcm260x {
         }
         self.io.reset(now, od);
         self.now = now;
+        let compares = !self.powered || self.rules.reset_node_compares_boards();
         self.powered = true;
-        self.inside.start(&self.rules);
+        self.inside.start();
+        if compares {
+            self.inside.compare_boards(&self.rules);
+        }
         self.state = NmtState::INITIALISING;
         self.offline = false;
         self.heard = None;
@@ -379,7 +383,7 @@ impl Behaviour for Mcm260x {
 
     fn event(&mut self, now: Instant, event: CommunicationEvent, od: &mut Dictionary) {
         self.changed = true;
-        if event == CommunicationEvent::Reset && self.rules.each_reset_compares_boards() {
+        if event == CommunicationEvent::Reset && self.rules.reset_communication_compares_boards() {
             self.inside.compare_boards(&self.rules);
         }
         if let CommunicationEvent::Entered(state) = event {

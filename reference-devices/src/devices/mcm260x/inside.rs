@@ -79,20 +79,19 @@ impl Inside {
     }
 
     /// The module starts, and reads its memory.
-    pub(super) fn start(&mut self, rules: &Mcm260xRules) {
+    pub(super) fn start(&mut self) {
         self.unread = match self.memory {
             MemoryFault::AtStart(bit) => Some(bit),
             MemoryFault::None | MemoryFault::Write => None,
         };
         let part = |bit| PARTS.iter().position(|part| *part == bit);
         self.found = Found {
-            changed_hardware: rules.board_differs(self.board, self.stored),
             unread: self.unread.and_then(part).map(|part| part as u8 + 1),
             ..Found::default()
         };
     }
 
-    /// The communication was reset: another board than before is noticed.
+    /// A start or a reset notices another board than before.
     pub(super) fn compare_boards(&mut self, rules: &Mcm260xRules) {
         self.found.changed_hardware |= rules.board_differs(self.board, self.stored);
     }
@@ -182,12 +181,12 @@ mod tests {
         let (mut inside, rules) = (Inside::default(), Mcm260xRules::plain());
         set(&mut inside, MEMORY, "calibrations");
         assert_eq!(inside.flags(&rules), (0, 0));
-        inside.start(&rules);
+        inside.start();
         set(&mut inside, MEMORY, "none");
         set(&mut inside, TERMINAL, "off-line");
         assert_eq!(inside.flags(&rules), (1 << 3 | 1 << 9, 0));
         set(&mut inside, TERMINAL, "parameters");
-        inside.start(&rules);
+        inside.start();
         assert_eq!(inside.flags(&rules), (0, 4));
     }
 
@@ -195,17 +194,20 @@ mod tests {
     fn another_board_is_known_from_the_next_store_command_on() {
         let (mut inside, rules) = (Inside::default(), Mcm260xRules::plain());
         set(&mut inside, BOARD, "other");
-        inside.start(&rules);
+        inside.start();
+        inside.compare_boards(&rules);
         assert!(inside.found.changed_hardware);
         set(&mut inside, MEMORY, "write");
         inside.store();
         assert!(inside.found.changed_hardware && inside.found.not_stored);
         set(&mut inside, MEMORY, "none");
         inside.store();
-        inside.start(&rules);
+        inside.start();
+        inside.compare_boards(&rules);
         assert_eq!(inside.found, Found::default());
         set(&mut inside, BOARD, "fitted");
-        inside.start(&rules);
+        inside.start();
+        inside.compare_boards(&rules);
         assert!(inside.found.changed_hardware, "the first one is another one now");
     }
 }

@@ -699,7 +699,12 @@ decisions! {
     }
 
     /// Reset communication compares the board with the one before, as power-on does (11.9).
-    fn each_reset_compares_boards(&self) -> bool {
+    fn reset_communication_compares_boards(&self) -> bool {
+        true
+    }
+
+    /// So does reset node (11.9).
+    fn reset_node_compares_boards(&self) -> bool {
         true
     }
 
