@@ -359,7 +359,7 @@ impl<'b> Oracle<'b> {
 
     /// The device may have lost what it had to send.
     fn release(&mut self) {
-        self.told = false;
+        (self.told, self.suspicion) = (false, None);
         self.queues.release();
         self.streams.release();
         if self.blueprint.listens() {
@@ -515,6 +515,10 @@ impl<'b> Oracle<'b> {
         self.told |= self.sets_the_clock(frame);
         let open = self.open_process_data(now, frame);
         let sent: Vec<Frame> = self.model.take(now, frame).collect();
+        if self.model.state() == NmtState::STOPPED {
+            // What was to be reported stays where it is.
+            self.suspicion = None;
+        }
         let od = self.model.dictionary();
         self.identifiers.look(od, now);
         let given = open.into_iter().filter(|(mux, before)| od.get(*mux).map(Data::new) != *before);
