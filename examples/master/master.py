@@ -59,7 +59,8 @@ class Partner:
         """The bench answers each line of JSON with one."""
         with socket.socket(socket.AF_UNIX) as connection:
             connection.connect(self.bench)
-            connection.sendall(json.dumps({"set": {name: value}}, separators=(",", ":")).encode() + b"\n")
+            request = json.dumps({"set": {name: value}}, separators=(",", ":"))
+            connection.sendall(request.encode() + b"\n")
             answer = connection.makefile().readline()
         if json.loads(answer) != {"ok": True}:
             raise RuntimeError(f"{name}: {answer.strip()}")

@@ -30,9 +30,7 @@ fn main() {
     plan.instances.retain(|instance| instance.suite.name() == "cia301/heartbeat");
 
     let stop = Stop::default();
-
     let undo = Undo::default();
-
     let session = Session::new(&plan, &library.register, BIT_RATE, &stop, &undo);
     let mut name = String::new();
     let ending = session.run(&mut bus, &mut |event| match event {

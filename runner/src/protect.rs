@@ -100,12 +100,25 @@ fn may_drive(entry: &Entry, eds: &Eds) -> bool {
 
 /// Whether an entry is about an output, by its name in the data sheet.
 fn is_about_outputs(entry: &Entry, eds: &Eds) -> bool {
-    let is_one = |word: &str| {
-        let word = word.trim_end_matches(|c: char| c.is_ascii_digit()).to_ascii_lowercase();
-        matches!(&*word, "output" | "outputs" | "ao" | "do")
-    };
-    let named = |name: &str| name.split(|c: char| !c.is_alphanumeric()).any(is_one);
-    named(&entry.name) || eds.object(entry.mux.index).is_some_and(|it| named(&it.name))
+    let of_object = eds.object(entry.mux.index).map(|object| object.name.as_str());
+    names_output(&entry.name) || of_object.is_some_and(names_output)
+}
+
+/// Whether a name has a word for outputs. Words end at anything but letters, and before a capital
+/// after a small letter: `Output1Source`.
+fn names_output(name: &str) -> bool {
+    let mut words = vec![String::new()];
+    let mut last = ' ';
+    for letter in name.chars() {
+        if !letter.is_alphabetic() || last.is_lowercase() && letter.is_uppercase() {
+            words.push(String::new());
+        }
+        if let Some(word) = words.last_mut().filter(|_| letter.is_alphabetic()) {
+            word.extend(letter.to_lowercase());
+        }
+        last = letter;
+    }
+    words.iter().any(|word| matches!(word.as_str(), "output" | "outputs" | "ao" | "do"))
 }
 
 /// Store parameters, and restore default parameters.
@@ -293,6 +306,26 @@ mod tests {
             let mux = free.parse().unwrap();
             assert_eq!(protection.refuses(Deed::Write(mux, None)), None, "{free}");
         }
+    }
+
+    #[test]
+    fn a_parameter_of_an_output_is_known_by_its_name() {
+        for name in
+            ["Source of output 3", "Output1Source", "AO_Override", "DO2 polarity", "outputs"]
+        {
+            assert!(names_output(name), "{name}");
+        }
+        for name in ["Throughput", "Doors", "Input source", "AOK", ""] {
+            assert!(!names_output(name), "{name}");
+        }
+        let device = devices::device("ax021211").unwrap();
+        let mut protection = Protection::default();
+        let by = Arc::from("`outputs: false`");
+        protection.protect_outputs(&device.description.eds, false, &by);
+        // Sources, overrides and set points of outputs; an input's type.
+        let refused = ["2340:01", "2361:01", "7300:01", "6110:01"]
+            .map(|mux| protection.refuses(Deed::Write(mux.parse().unwrap(), None)).is_some());
+        assert_eq!(refused, [true, true, true, false]);
     }
 
     #[test]

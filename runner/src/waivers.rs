@@ -244,17 +244,14 @@ fn otherwise(ran: &[&CaseRun]) -> String {
     let red = ran.iter().filter(|case| !matches!(case.outcome, Outcome::Waived { .. }));
     let mut red = red.filter_map(|case| Some((case, case.cause.as_deref()?)));
     let Some((case, cause)) = red.next() else { return " any more".to_owned() };
-    let object = cause.object.as_ref().map(|object| format!(", object: \"{object}\""));
-    let requirement = match cause.requirement.as_str() {
-        "" => String::new(),
-        ids => format!("requirement: {ids}"),
-    };
-    format!(
-        ": the cause of {} is {{ {requirement}{}, text: \"{}\" }}",
-        case.info.name(),
-        object.unwrap_or_default(),
-        cause.difference
-    )
+    let ids = Some(cause.requirement.as_str()).filter(|ids| !ids.is_empty());
+    let said = [
+        ids.map(|ids| format!("requirement: {ids}")),
+        cause.object.as_ref().map(|object| format!("object: \"{object}\"")),
+        Some(format!("text: \"{}\"", cause.difference)),
+    ];
+    let said: Vec<String> = said.into_iter().flatten().collect();
+    format!(": the cause of {} is {{ {} }}", case.info.name(), said.join(", "))
 }
 
 impl WaiverEntry {

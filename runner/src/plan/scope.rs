@@ -356,7 +356,7 @@ impl Scope {
         let tick = tick(entry.mux).ok_or_else(|| {
             format!(
                 "{} has no unit of time: write a number, or give it a word with a unit in \
-                     words.yaml, such as {{ at: \"{}\", scale: 0.001, unit: s }}",
+                 words.yaml, such as {{ at: \"{}\", scale: 0.001, unit: s }}",
                 entry.mux, entry.mux
             )
         })?;

@@ -112,8 +112,8 @@ impl<'l> Assertions<'l> {
         let rest = all.left();
         let hint = match rest {
             0 => String::new(),
-            _ if args.unproved => format!(", {rest} not:"),
-            _ => format!(", {rest} not: `--unproved` names them"),
+            _ if args.unproved => format!(", {rest} left:"),
+            _ => format!(", {rest} left: `--unproved` names them"),
         };
         text.push_str(&format!("assertions: {all}{hint}\n"));
         for (name, figures) in suites.iter().filter(|_| args.verbose) {
