@@ -348,8 +348,8 @@ pub(super) fn followed(
     }
 }
 
-/// The object that a request writes which an answer is about, and the transfer of that answer,
-/// where it is known.
+/// The object of the write that an answer is about. A segment names none: it is that of its
+/// transfer, or else the last one that was requested.
 pub(super) fn written(frame: &Frame, of: Option<Transfer>, requests: &Requests) -> Option<Mux> {
     let last = || requests.last().map(|request| request.mux);
     let mux = match Response::decode(&frame.data).ok()? {
