@@ -8,6 +8,7 @@ mod echo;
 mod far_clock;
 pub mod gs_usb;
 mod lines;
+pub(crate) mod load;
 mod names;
 mod port;
 mod program;
@@ -30,6 +31,7 @@ use std::sync::Arc;
 use canopen::{Bus, BusError};
 
 use gs_usb::GS_USB;
+use load::Load;
 use names::is_virtual;
 use program::{OnInterface, OnPipes};
 use python_can::PYTHON_CAN;
@@ -160,31 +162,52 @@ impl Interface {
     /// # Errors
     /// [`BusError::Open`] with the reason, and what to do about it.
     pub fn open(&self, stop: &Stop) -> Result<Box<dyn Bus>, BusError> {
-        self.open_watched(stop, None)
+        self.open_beside(stop, Beside::default())
     }
 
-    /// The same with a program that tells more.
+    /// The same with something beside it.
     ///
     /// # Errors
     /// The same.
-    pub(crate) fn open_watched(
+    pub(crate) fn open_beside(
         &self,
         stop: &Stop,
-        watch: Option<&Arc<Watch>>,
+        beside: Beside<'_>,
     ) -> Result<Box<dyn Bus>, BusError> {
+        let Beside { watch, load } = beside;
         match self {
-            Self::SocketCan(name) => Ok(Box::new(SocketCan::open(name, stop.clone())?)),
+            Self::SocketCan(name) => Ok(Box::new(loaded(name, stop, load)?)),
             Self::Program { command, on: None } => {
                 Ok(Box::new(OnPipes::open(command, stop, watch.cloned())?))
             }
-            Self::Program { command, on: Some(name) } => {
-                Ok(Box::new(OnInterface::open(command, name, stop, watch.cloned())?))
-            }
+            Self::Program { command, on: Some(name) } => Ok(Box::new(OnInterface::open(
+                command,
+                loaded(name, stop, load)?,
+                name,
+                watch.cloned(),
+            )?)),
             Self::Slcan(adapter) => Ok(Box::new(adapter.open(stop)?)),
             Self::Socketcand(interface) => Ok(Box::new(interface.open(stop)?)),
             Self::PythonCan(bus) => Ok(Box::new(bus.open(stop)?)),
             Self::GsUsb(adapter) => adapter.open(stop),
         }
+    }
+}
+
+/// What there is beside an interface.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Beside<'b> {
+    /// What a program tells beside its frames.
+    pub(crate) watch: Option<&'b Arc<Watch>>,
+    /// What fills the bus; an interface with a [network](Interface::network) can be filled.
+    pub(crate) load: Option<&'b Load>,
+}
+
+fn loaded(name: &str, stop: &Stop, load: Option<&Load>) -> Result<SocketCan, BusError> {
+    let bus = SocketCan::open(name, stop.clone())?;
+    match load {
+        Some(load) => bus.with_load(load),
+        None => Ok(bus),
     }
 }
 

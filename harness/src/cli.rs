@@ -15,6 +15,7 @@ use reports::{FORMATS, Format, Grade, RECORDINGS, Recording};
 use runner::waivers::{UNEXPLAINED, check_date};
 
 use crate::argument::whole;
+use crate::bus::load::MOST as MOST_LOAD;
 use crate::device_file::GradeWord;
 use crate::folders::{CatalogueFolder, Folders};
 use crate::plugged::Plugged;
@@ -595,6 +596,10 @@ pub struct DeviceArgs {
     /// Bit rate of the bus in bit/s
     #[arg(long, value_name = "RATE")]
     pub bitrate: Option<u32>,
+    /// Load the bus beside the sessions by so many percent of its time, on an interface of Linux:
+    /// with frames of 7F3h, which no device listens to
+    #[arg(long, value_name = "PERCENT", value_parser = whole::<u8>(1..=MOST_LOAD))]
+    pub load: Option<u8>,
     /// The bench around the device: `unix:PATH`, or a program with its arguments that answers lines
     /// of JSON
     #[arg(long, value_name = "RIG")]

@@ -49,8 +49,8 @@ pub struct Dut {
     pub shares_its_machine: bool,
     /// Bit rate of its bus in bit/s, when it is known.
     pub bit_rate: Option<u32>,
-    /// How frames on its bus get their times, where that is worth a remark.
-    pub times: Option<String>,
+    /// What is worth a remark of its bus: how frames get their times, and what loads it.
+    pub of_bus: Vec<String>,
     /// Options of its profile that it does not have.
     pub without: Vec<String>,
     /// The name of the profile that the device gave when asked, by an object that the catalogue
@@ -123,7 +123,7 @@ impl Dut {
             partner: None,
             shares_its_machine: false,
             bit_rate: None,
-            times: None,
+            of_bus: Vec::new(),
             without: Vec::new(),
             told: None,
             lengths: BTreeMap::new(),

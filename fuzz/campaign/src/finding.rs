@@ -19,6 +19,8 @@ pub struct Finding {
     pub said: Option<String>,
     /// The freedoms that it was believed to use then, by their places in the blueprint.
     pub used: Vec<usize>,
+    /// Whether its session was made shorter.
+    pub shrunk: bool,
 }
 
 impl Finding {
@@ -32,7 +34,7 @@ impl Finding {
     ) -> Self {
         let ended = matches!(violation.what, What::Ended(_));
         let said = if ended { stage.last_words() } else { None };
-        Self { number, session, seen, violation, said, used: Vec::new() }
+        Self { number, session, seen, violation, said, used: Vec::new(), shrunk: false }
     }
 
     /// The same on a device that was believed to use these freedoms.

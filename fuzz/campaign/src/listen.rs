@@ -287,6 +287,7 @@ impl<'b> Listener<'b> {
                     violation: violation.clone(),
                     said: None,
                     used: Vec::new(),
+                    shrunk: false,
                 },
             ));
             stretch.seen.clear();

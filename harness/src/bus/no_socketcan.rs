@@ -6,6 +6,8 @@ use std::env::consts::OS;
 use canopen::{Bus, BusError, Frame, Instant, Stamped};
 use runner::stop::Stop;
 
+use super::load::Load;
+
 /// An open interface, of which there is none.
 #[derive(Debug)]
 pub enum SocketCan {}
@@ -32,6 +34,22 @@ impl SocketCan {
     /// # Errors
     /// None.
     pub fn with_bell(self) -> Result<(Self, Bell), BusError> {
+        match self {}
+    }
+
+    /// The same without the frames of a load.
+    ///
+    /// # Errors
+    /// None.
+    pub(crate) fn deaf_to_loads(self) -> Result<Self, BusError> {
+        match self {}
+    }
+
+    /// The same beside a load of the bus.
+    ///
+    /// # Errors
+    /// None.
+    pub(crate) fn with_load(self, _load: &Load) -> Result<Self, BusError> {
         match self {}
     }
 

@@ -247,18 +247,17 @@ pub(super) struct OnInterface {
 }
 
 impl OnInterface {
-    /// Opens the interface and starts the program. Returns when the program has sent a frame, or
+    /// Starts the program on an interface that is open. Returns when the program has sent a frame, or
     /// has not for too long.
     ///
     /// # Errors
     /// [`BusError::Open`] when one of them is not possible, or those of receiving.
     pub(super) fn open(
         command: &str,
+        bus: SocketCan,
         interface: &str,
-        stop: &Stop,
         watch: Option<Arc<Watch>>,
     ) -> Result<Self, BusError> {
-        let bus = SocketCan::open(interface, stop.clone())?;
         let process = start_on_interface(command, interface, watch.as_ref())?;
         let (command, interface) = (command.to_owned(), interface.to_owned());
         let (first, last, heard) = (None, None, false);

@@ -3,6 +3,7 @@
 
 mod bell;
 mod fault;
+mod filler;
 mod stamp;
 
 use std::collections::VecDeque;
@@ -19,9 +20,11 @@ use socketcan::{
     CanFrame, CanInterface, CanSocket, EmbeddedFrame, ExtendedId, Socket, SocketOptions, StandardId,
 };
 
+use filler::Filler;
 use runner::stop::Stop;
 use stamp::Clock;
 
+use super::load::{self, Load};
 use super::names::is_virtual;
 
 pub use bell::Bell;
@@ -48,6 +51,8 @@ pub struct SocketCan {
     was_long: bool,
     stop: Stop,
     bell: Option<Bell>,
+    /// What fills the bus beside the test, if anything does.
+    filler: Option<Filler>,
 }
 
 impl SocketCan {
@@ -78,6 +83,7 @@ impl SocketCan {
             was_long: false,
             stop,
             bell: None,
+            filler: None,
         })
     }
 
@@ -89,6 +95,26 @@ impl SocketCan {
     pub fn with_bell(self) -> Result<(Self, Bell), BusError> {
         let bell = Bell::new().map_err(|why| fault::open(&self.name, &why, true))?;
         Ok((Self { bell: Some(bell.clone()), ..self }, bell))
+    }
+
+    /// The same without the frames of a load, which the acceptance filter of a CAN controller keeps
+    /// from a device.
+    ///
+    /// # Errors
+    /// [`BusError::Open`] when the kernel refuses.
+    pub(crate) fn deaf_to_loads(self) -> Result<Self, BusError> {
+        filler::keep_out(&self.socket).map_err(|why| fault::open(&self.name, &why, true))?;
+        Ok(self)
+    }
+
+    /// The same beside a load of the bus, whose frames are not received and not sent.
+    ///
+    /// # Errors
+    /// [`BusError::Open`] when the process has too many files open.
+    pub(crate) fn with_load(self, load: &Load) -> Result<Self, BusError> {
+        let filler = Filler::begin(&self.name, &self.socket, load)
+            .map_err(|why| fault::open(&self.name, &why, true))?;
+        Ok(Self { filler: Some(filler), ..self })
     }
 
     /// The bit rate of the interface `name` in bit/s, when the kernel knows it. A virtual interface
@@ -208,6 +234,9 @@ impl Bus for SocketCan {
     /// [`BusError::Controller`] when an error frame arrives while it is full, and
     /// [`BusError::Interrupted`].
     fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
+        if self.filler.is_some() && frame.id == load::ID && !frame.remote {
+            return Err(BusError::Withheld(format!("{} belongs to the load of the bus", load::ID)));
+        }
         let raw = encode(frame);
         let mut give_up = None;
         loop {

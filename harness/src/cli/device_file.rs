@@ -94,6 +94,7 @@ impl DeviceArgs {
             eds: self.eds.clone(),
             modules: self.modules.clone(),
             bitrate: self.bitrate,
+            load: self.load,
             bench: self.bench.clone(),
             ..Selection::of_target(self.target.as_deref())
         }

@@ -25,6 +25,7 @@ use runner::parallel::{self, processors};
 use runner::stop::Stop;
 
 use super::counted::counted;
+use crate::bus::load::Load;
 use crate::cli::{CampaignArgs, FindingArgs, FuzzArgs, FuzzCommand, RunArgs};
 use crate::exit::{Exit, Refused};
 use crate::files::words;
@@ -103,7 +104,8 @@ fn carry_out(
     }
     let mut outcome = Outcome::new(&campaign);
     let why = stopped.as_ref().map(ToString::to_string);
-    record.sessions_over(outcome.notes(), why.as_deref());
+    let load = prepared.target.load.as_ref().and_then(Load::came);
+    record.sessions_over(outcome.notes().into_iter().chain(load.clone()).collect(), why.as_deref());
     for cause in group(&campaign, &modelled.blueprint, &findings) {
         let kept = kept(args, prepared, &campaign, &mut place, &cause, &findings)?;
         let surface = modelled.blueprint.surface();
@@ -120,6 +122,7 @@ fn carry_out(
     }
     place.give_back();
     say(&outcome.text(args.goals));
+    load.iter().for_each(|said| complain!("note: {said}"));
     record.showed(outcome.0);
     let exit = match &stopped {
         None => Exit::Green,

@@ -21,6 +21,7 @@ use super::estimate::{self, Earlier};
 use super::planned::Planned;
 use super::recorded::recorded;
 use super::select::select;
+use crate::bus::load::Load;
 use crate::bus::unix_time;
 use crate::cli::RunArgs;
 use crate::device_file::DeviceFile;
@@ -425,6 +426,10 @@ impl Sessions<'_> {
             let why = format!("{node}: {changed}{}", log.unwrap_or_default());
             tell(Event::Note(Note { at: Instant::ZERO, text: why.clone() }));
             complain!("warning: {}", harmless(&why));
+        }
+        if let Some(text) = target.load.as_ref().and_then(Load::came) {
+            complain!("note: {text}");
+            tell(Event::Note(Note { at: Instant::ZERO, text }));
         }
         after(&ending, target)
     }

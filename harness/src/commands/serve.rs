@@ -91,7 +91,8 @@ fn open(name: &str, stop: &Stop) -> Result<(SocketCan, Bell), Refused> {
         };
         return Err(Refused::usage(why));
     };
-    let opened = SocketCan::open(&name, stop.clone()).and_then(SocketCan::with_bell);
+    let opened = SocketCan::open(&name, stop.clone());
+    let opened = opened.and_then(SocketCan::deaf_to_loads).and_then(SocketCan::with_bell);
     opened.map_err(|error| Refused::bus(error.to_string()))
 }
 

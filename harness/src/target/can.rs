@@ -16,6 +16,7 @@ use super::sheet;
 use super::sim::quoted;
 use super::{DEFAULT_BIT_RATE, Selection};
 use crate::bus::Interface;
+use crate::bus::load::Load;
 use crate::exit::Refused;
 
 /// The device that answers on an interface.
@@ -29,6 +30,9 @@ pub(super) fn target(
     stop: &Stop,
 ) -> Result<Target, Refused> {
     let interface = &interface.clone().at_bit_rate(selection.bitrate);
+    if selection.load.is_some() && interface.network().is_none() {
+        return Err(no_load(&interface.to_string()));
+    }
     let mut bus = open_interface(interface, stop)?;
     let bit_rate = selection.bitrate.or_else(|| interface.bit_rate(DEFAULT_BIT_RATE));
     let name = &interface.to_string();
@@ -38,8 +42,11 @@ pub(super) fn target(
         return Err(nobody_beside(load, name, selection.node));
     }
     let found = only(found, name, selection.node)?;
+    let load =
+        selection.load.map(|percent| Load::new(percent, bit_rate.unwrap_or(DEFAULT_BIT_RATE)));
     // An adapter that echoes is recognised by its first frames.
     let times = bus.remark();
+    let of_bus = times.into_iter().chain(load.as_ref().map(Load::wanted)).collect();
     let (dut_name, (sheet, eds)) = {
         let selection = Selection { bitrate: bit_rate, ..selection.clone() };
         sheet::of_found(&selection, &found, &mut *bus, catalogue)?
@@ -59,14 +66,22 @@ pub(super) fn target(
         shares_its_bus: interface.is_shared(),
         shares_its_machine: interface.is_on_this_machine(),
         bit_rate,
-        times,
+        of_bus,
         without: without(selection, own.as_deref()),
         told: found.recognised(),
         ..Dut::new(dut_name, found.node, eds)
     };
     let lengths = value_lengths(&mut *bus, &dut);
     dut.lengths = lengths.map_err(|error| Refused::bus(error.to_string()))?;
-    Ok(Target { dut, rig, connection: Connection::Interface(interface.clone()), options })
+    Ok(Target { dut, rig, connection: Connection::Interface(interface.clone()), load, options })
+}
+
+/// The refusal of a load where there is no interface that several programs send on.
+pub(super) fn no_load(target: &str) -> Refused {
+    Refused::usage(format!(
+        "--load needs a network interface of Linux, such as `can0` or `vcan0`, which two senders \
+         can share: {target} is none"
+    ))
 }
 
 /// The node that was found on a bus, when it is the only one.

@@ -11,7 +11,8 @@ use runner::dut::Dut;
 use runner::protect::Guarded;
 use runner::stop::Stop;
 
-use crate::bus::{Interface, Watch};
+use crate::bus::load::Load;
+use crate::bus::{Beside, Interface, Watch};
 use crate::exit::Refused;
 use crate::rig::{Rig, WithRig};
 
@@ -23,6 +24,8 @@ pub struct Target {
     pub connection: Connection,
     /// The bench around it, when it is not simulated.
     pub rig: Option<Arc<Mutex<Rig>>>,
+    /// What fills its bus beside the test.
+    pub load: Option<Load>,
     /// The options that name it again on a command line.
     pub options: String,
 }
@@ -86,7 +89,8 @@ impl Target {
                 Box::new(bus)
             }
             Connection::Interface(interface) => {
-                let opened = interface.open_watched(stop, watch);
+                let beside = Beside { watch, load: self.load.as_ref() };
+                let opened = interface.open_beside(stop, beside);
                 opened.map_err(|error| Refused::bus(error.to_string()))?
             }
         };

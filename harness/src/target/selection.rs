@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::several::Other;
 use crate::argument::whole;
+use crate::bus::load::MOST as MOST_LOAD;
 use crate::device_file::DeviceFile;
 use crate::folders::Folders;
 use crate::plugged::Plugged;
@@ -55,6 +56,10 @@ pub struct Selection {
     #[arg(long, value_name = "BITS")]
     #[arg(value_parser = whole::<u32>(1..=1_000_000))]
     pub bitrate: Option<u32>,
+    /// Load the bus beside the test by so many percent of its time, on an interface of Linux: with
+    /// frames of 7F3h, which no device listens to
+    #[arg(long, value_name = "PERCENT", value_parser = whole::<u8>(1..=MOST_LOAD))]
+    pub load: Option<u8>,
     /// The bench around the device: `unix:PATH`, or a program with its arguments that answers lines
     /// of JSON
     #[arg(long, value_name = "RIG")]
@@ -93,6 +98,7 @@ impl Selection {
             device: None,
             folders: Folders::default(),
             bitrate: None,
+            load: None,
             bench: None,
             without: Vec::new(),
             free_to_write: Vec::new(),
@@ -114,6 +120,9 @@ impl Selection {
         }
         if let Some(bit_rate) = self.bitrate {
             options.push_str(&format!(" --bitrate {bit_rate}"));
+        }
+        if let Some(load) = self.load {
+            options.push_str(&format!(" --load {load}"));
         }
         for option in &self.without {
             options.push_str(&format!(" --without {option}"));

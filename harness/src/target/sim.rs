@@ -11,6 +11,7 @@ use reference_devices::rules::Rules;
 use runner::dut::{Dut, OtherNode};
 use runner::stop::Stop;
 
+use super::can::no_load;
 use super::connection::{Connection, Target};
 use super::lengths::value_lengths;
 use super::options::{rig, without};
@@ -30,6 +31,9 @@ pub(super) fn target(
     deviation: Option<&Named>,
     catalogue: &Catalogue,
 ) -> Result<Target, Refused> {
+    if selection.load.is_some() {
+        return Err(no_load("a simulated device"));
+    }
     let bit_rate = selection.bitrate.unwrap_or(DEFAULT_BIT_RATE);
     let mut device = reference_device(name, catalogue)?;
     Arc::make_mut(&mut device).description.settings.bit_rate = bit_rate;
@@ -77,6 +81,7 @@ pub(super) fn target(
         },
         rig,
         connection: Connection::Simulation { device, deviation, bit_rate },
+        load: None,
         options,
     };
     if selection.eds.is_some() {
@@ -109,7 +114,7 @@ impl Target {
             deviation: Some(Box::new(deviation)),
             bit_rate: *bit_rate,
         };
-        Ok(Self { dut, connection, rig: None, options: String::new() })
+        Ok(Self { dut, connection, rig: None, load: None, options: String::new() })
     }
 }
 

@@ -302,7 +302,7 @@ impl Session<'_> {
         let factor = self.policy.patience;
         let patience = (factor > 1).then(|| format!("with `--patience {factor}`"));
         let remarks = composed.into_iter().chain(options).chain(patience);
-        let remarks = remarks.chain(self.plan.dut.times.clone());
+        let remarks = remarks.chain(self.plan.dut.of_bus.iter().cloned());
         let remarks = remarks.chain(self.plan.said_left_out());
         let remarks = remarks.chain(known.odd.iter().cloned());
         let remarks: Vec<String> = remarks.chain(known.baseline.remarks()).collect();

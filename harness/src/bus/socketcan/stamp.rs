@@ -9,7 +9,8 @@ use canopen::Instant;
 /// The kernel stamps frames with the wall clock, which anybody may set while a test runs; our time
 /// is the monotonic clock. Both run at the same rate (the kernel slews them together), so their
 /// distance changes only when the wall clock is *set*. The distance is measured once and kept,
-/// which makes spans between stamps exact. With every stamp it is measured again: when it jumped,
+/// which makes spans between stamps exact. With every stamp it is measured again, but for frames of
+/// one burst, which came before a measurement that is not older than [`RECENT`]: when it jumped,
 /// stamps move over to the new distance as soon as that puts them between the last stamp and now,
 /// so that frames that were stamped before the jump are still placed with the old one. A jump of
 /// less than [`JUMP`] goes unseen and shifts stamps by that little; one of less than the time that
@@ -23,9 +24,11 @@ pub(super) struct Clock {
     /// Wall clock minus monotonic clock.
     distance: i64,
     last: i64,
+    sampled: Sample,
 }
 
 /// Both clocks at one moment, in nanoseconds.
+#[derive(Clone, Copy, Debug)]
 struct Sample {
     now: i64,
     /// `None` when something came between the two readings.
@@ -36,7 +39,8 @@ impl Clock {
     /// A clock that reads zero now.
     #[expect(clippy::disallowed_methods, reason = "a bus backend may read a clock")]
     pub(super) fn start() -> Self {
-        let mut clock = Self { opened: Monotonic::now(), distance: 0, last: 0 };
+        let sampled = Sample { now: i64::MIN, distance: None };
+        let mut clock = Self { opened: Monotonic::now(), distance: 0, last: 0, sampled };
         let samples = (0..8).map(|_| {
             let before = clock.now();
             let sample = clock.sample(before);
@@ -59,8 +63,14 @@ impl Clock {
     /// The place of a frame that the kernel stamped with `wall`; now, when it has no stamp.
     /// `before` is a time a moment ago.
     pub(super) fn stamp(&mut self, wall: Option<SystemTime>, before: Instant) -> Instant {
-        let sample = self.sample(before);
-        let wall = wall.map_or(sample.now + self.distance, nanos);
+        let wall = wall.map(nanos);
+        // Reading clocks is most of the work of a frame where the kernel is asked for each.
+        let is_older = |wall: i64| wall - self.distance <= self.sampled.now;
+        if !wall.is_some_and(is_older) || before.0 as i64 > self.sampled.now + RECENT {
+            self.sampled = self.sample(before);
+        }
+        let sample = self.sampled;
+        let wall = wall.unwrap_or(sample.now + self.distance);
         Instant(self.place(wall, &sample) as u64)
     }
 
@@ -95,11 +105,15 @@ fn nanos(wall: SystemTime) -> i64 {
 
 /// In nanoseconds. Well above what reading two clocks takes, well below what matters to CANopen.
 const JUMP: u64 = 200_000;
+/// In nanoseconds. Longer than a burst of frames takes to be read, and no time for a bus.
+const RECENT: i64 = 1_000_000;
 /// In nanoseconds. Half of what the two readings of an undisturbed sample take at most.
 pub(super) const INEXACT: u64 = JUMP / 4;
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
 
     const MS: i64 = 1_000_000;
@@ -147,6 +161,24 @@ mod tests {
         let mut clock = clock();
         let disturbed = Sample { now: 30 * MS, distance: None };
         assert_eq!(clock.place(WALL + 20 * MS, &disturbed), 20 * MS);
+    }
+
+    #[test]
+    fn frames_of_one_burst_share_a_measurement() {
+        let mut clock = Clock::start();
+        let first = clock.now();
+        let burst = UNIX_EPOCH + Duration::from_nanos((clock.distance + first.0 as i64) as u64);
+        clock.stamp(Some(burst), first);
+        let measured = clock.sampled.now;
+        clock.stamp(Some(burst), Instant(measured as u64));
+        assert_eq!(clock.sampled.now, measured);
+        // It could have been set since.
+        clock.stamp(Some(burst), Instant((measured + RECENT + 1) as u64));
+        assert!(clock.sampled.now > measured);
+        // What comes later may have come after the clock was set.
+        let measured = clock.sampled.now;
+        clock.stamp(Some(burst + Duration::from_secs(1)), Instant(measured as u64));
+        assert!(clock.sampled.now > measured);
     }
 
     #[test]

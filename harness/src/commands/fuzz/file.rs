@@ -52,6 +52,9 @@ pub(super) struct Device {
     eds: Option<PathBuf>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     modules: Vec<u16>,
+    /// What loaded its bus, in percent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    load: Option<u8>,
 }
 
 impl FindingFile {
@@ -72,6 +75,7 @@ impl FindingFile {
                 node: target.dut.node,
                 eds: args.device.eds.clone(),
                 modules: args.device.modules.numbers().to_vec(),
+                load: args.device.load,
             },
             seed: args.seed,
             session: finding.number,
@@ -120,8 +124,9 @@ impl FindingFile {
         if given.target.is_some() || given.dut.is_some() {
             return given.clone();
         }
-        let Device { dut, target, node, eds, modules } = self.device.clone();
+        let Device { dut, target, node, eds, modules, load } = self.device.clone();
         let modules = Plugged::of(&modules);
-        DeviceArgs { dut, target, node: Some(node), eds, modules, ..given.clone() }
+        let load = given.load.or(load);
+        DeviceArgs { dut, target, node: Some(node), eds, modules, load, ..given.clone() }
     }
 }

@@ -197,9 +197,15 @@ impl Modelled {
         {
             return shown;
         }
-        let tries = if stage.repeats() == 0 { TRIES_ON_DEVICE } else { tries_on_bus(finding) };
+        let tries = match stage.repeats() {
+            0 => TRIES_ON_DEVICE,
+            // A second time would take as long, and shows little more.
+            _ if finding.shrunk => return finding.clone(),
+            _ => tries_on_bus(finding),
+        };
         let shrunk = self.shrunk(campaign, stage, finding, tries);
-        shrunk.filter(|short| is_wrong(campaign, short)).unwrap_or_else(|| finding.clone())
+        let shrunk = shrunk.filter(|short| is_wrong(campaign, short));
+        Finding { shrunk: true, ..shrunk.unwrap_or_else(|| finding.clone()) }
     }
 
     /// The actions of a finding that a device needs to show the same.
@@ -223,7 +229,7 @@ impl Modelled {
             return Some(shown);
         }
         // What is left is something that a freedom explains.
-        let short = shrink(all, CAREFUL, &mut |actions| {
+        let short = shrink(all, tries.min(CAREFUL), &mut |actions| {
             let shown = self.shows(stage, finding, actions);
             shown.is_some_and(|shown| is_wrong(campaign, &shown))
         });

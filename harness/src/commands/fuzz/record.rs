@@ -49,7 +49,10 @@ impl<'r> Record<'r> {
         let target = &prepared.target;
         reporter.tell(&Event::RunStarted(started(args, !target.is_simulation())));
         let device = target.dut.started(String::new());
-        reporter.tell(&Event::DeviceStarted(Box::new(DeviceStarted { identity, ..device })));
+        let of_bus = &target.dut.of_bus;
+        let remark = (!of_bus.is_empty()).then(|| of_bus.join("; "));
+        let device = DeviceStarted { identity, remark, ..device };
+        reporter.tell(&Event::DeviceStarted(Box::new(device)));
         let sessions = case("sessions", "The sessions are played to their end.", Arc::default());
         reporter.tell(&Event::CaseStarted(sessions.clone()));
         Self { reporter, prepared, sessions }
