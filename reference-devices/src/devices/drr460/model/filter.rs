@@ -29,7 +29,7 @@ impl Filter {
             self.since = 0.0;
         }
         self.samples.push_back(sample);
-        while self.samples.len() < wanted {
+        while rules.filter_starts_full() && self.samples.len() < wanted {
             self.samples.push_front(self.samples[0]);
         }
         while self.samples.len() > wanted {

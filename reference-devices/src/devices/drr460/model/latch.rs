@@ -29,10 +29,12 @@ pub(crate) struct Settings {
     longest: f64,
     zero_keeps_ends: bool,
     needs_enabling: bool,
+    /// Whether there are commands with the present sensor.
+    is_there: bool,
 }
 
 impl Settings {
-    pub(super) fn of(parameters: &Parameters) -> Self {
+    pub(super) fn of(parameters: &Parameters, linear: bool) -> Self {
         let kind = parameters.get(9);
         let (low, high) =
             parameters.rules.limits(parameters.get(3) as f64, parameters.get(4) as f64);
@@ -43,6 +45,7 @@ impl Settings {
             longest: parameters.rules.latch_time(),
             zero_keeps_ends: parameters.rules.zero_keeps_ends(kind),
             needs_enabling: parameters.rules.latch_needs_enabling(),
+            is_there: linear || parameters.rules.latch_is_of_any_sensor(),
         }
     }
 
@@ -72,6 +75,7 @@ impl Latch {
     pub(crate) fn accepts(&self, sub: u8, value: u8, settings: &Settings) -> bool {
         match (sub, value) {
             (_, 0) => true,
+            _ if !settings.is_there => false,
             (1, 1) => settings.kind != 0,
             (2 | 3, 1) => self.is_enabled() || !settings.needs_enabling,
             (4, 1 | 2) => settings.has_zero(),
@@ -141,7 +145,7 @@ mod tests {
 
     fn settings(kind: i64) -> Settings {
         let list = [(3, -100), (4, 100), (9, kind)];
-        Settings::of(&Parameters::listed(&list, &Rules::plain()))
+        Settings::of(&Parameters::listed(&list, &Rules::plain()), true)
     }
 
     fn digits(latch: &Latch, share: f64, settings: &Settings) -> f64 {

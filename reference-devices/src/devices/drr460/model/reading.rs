@@ -22,15 +22,16 @@ pub(super) struct Settings {
 
 impl Settings {
     pub(super) fn of(parameters: &Parameters) -> Self {
+        let sensor = sensor(parameters.get(1), parameters.get(5));
         Self {
-            sensor: sensor(parameters.get(1), parameters.get(5)),
+            sensor,
             unit: parameters.get(2),
             beyond: parameters.is_set(6),
             offset: parameters.get(7) as f64,
             gain: parameters.get(8) as f64,
             samples: parameters.get(10),
             kilohms: parameters.get(5) as f64,
-            latch: latch::Settings::of(parameters),
+            latch: latch::Settings::of(parameters, sensor.is_linear()),
         }
     }
 }

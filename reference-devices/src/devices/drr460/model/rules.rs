@@ -100,6 +100,11 @@ decisions! {
         true
     }
 
+    /// The first sample fills the mean, so that it need not climb from zero (11.3.2, sub 10).
+    fn filter_starts_full(&self) -> bool {
+        true
+    }
+
     /// The process value is the input with gain and offset (11.3.2, subs 7 and 8).
     fn calibrated(&self, digits: f64, gain: f64, offset: f64) -> f64 {
         digits * (1.0 + gain / 1000.0) + offset
@@ -144,6 +149,12 @@ decisions! {
     /// With a virtual zero both ends of the scale stay where they are (7.11).
     fn zero_keeps_ends(&self, kind: i64) -> bool {
         kind == 2
+    }
+
+    /// The commands of latch-on are taken with a temperature sensor, too, where they have no effect
+    /// (7.11).
+    fn latch_is_of_any_sensor(&self) -> bool {
+        true
     }
 
     /// A minimum or a maximum is only taken while latch-on is enabled (7.11).
