@@ -165,12 +165,14 @@ impl Alarm {
     /// Between both thresholds the condition stays what it is.
     fn above(&self, value: i64, limit: i64, settings: &Settings, rules: &Rules) -> bool {
         let other = rules.second_threshold(limit, settings.hysteresis);
-        value >= limit.max(other) || self.condition && value >= limit.min(other)
+        let (on, off) = (value - limit.max(other), value - limit.min(other));
+        rules.alarm_begins(on) || self.condition && rules.alarm_lasts(off)
     }
 
     fn below(&self, value: i64, limit: i64, settings: &Settings, rules: &Rules) -> bool {
         let other = rules.second_threshold(limit, settings.hysteresis);
-        value <= limit.min(other) || self.condition && value <= limit.max(other)
+        let (on, off) = (limit.min(other) - value, limit.max(other) - value);
+        rules.alarm_begins(on) || self.condition && rules.alarm_lasts(off)
     }
 }
 

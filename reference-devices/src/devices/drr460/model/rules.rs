@@ -408,6 +408,16 @@ decisions! {
         first + hysteresis
     }
 
+    /// An alarm begins at its outer threshold, and so many digits beyond it (chapter 9).
+    fn alarm_begins(&self, beyond: i64) -> bool {
+        beyond >= 0
+    }
+
+    /// It lasts up to its inner threshold and at it, and so many digits beyond it (chapter 9).
+    fn alarm_lasts(&self, beyond: i64) -> bool {
+        beyond >= 0
+    }
+
     /// A lower deviation alarm lies as far below the set point as its own set point says (9.e).
     fn lower_deviation(&self, alarm_set_point: i64) -> i64 {
         -alarm_set_point

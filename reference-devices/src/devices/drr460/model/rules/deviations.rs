@@ -100,6 +100,8 @@ deviations! {
     "alarms-share-a-set-point" => alarm_set_point: |_, _| Mux::new(0x4001, 0);
     "deviation-is-absolute" => deviation: |_, process, _| process;
     "alarm-ignores-hysteresis" => second_threshold: |_, first, _| first;
+    "alarm-begins-beyond-its-threshold" => alarm_begins: |_, beyond| beyond > 0;
+    "alarm-ends-at-its-threshold" => alarm_lasts: |_, beyond| beyond > 0;
     "alarm-hysteresis-without-sign" =>
         second_threshold: |_, first, hysteresis| first + hysteresis.abs();
     "lower-deviation-not-negated" => lower_deviation: |_, alarm_set_point| alarm_set_point;
