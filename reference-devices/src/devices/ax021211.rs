@@ -139,14 +139,18 @@ impl Ax021211 {
         match mux.index {
             OUTPUT_TYPE if place < OUTPUTS => self.change_type(mux, od),
             OUTPUT_FREQUENCY if place < OUTPUTS => self.share_frequency(mux, od),
-            RECEIVED if self.copy_received(mux.sub, od) => {
-                let status = Mux::new(RECEIVED_STATUS, mux.sub);
-                od.set_int(status, self.rules.status_after_copy());
+            RECEIVED => {
+                if let Some(changed) = self.copy_received(mux.sub, od) {
+                    let status = Mux::new(RECEIVED_STATUS, mux.sub);
+                    od.set_int(status, self.rules.status_after_copy(changed));
+                }
             }
             RECEIVED_STATUS if self.rules.copies_with_the_validation() => {
                 let copied = self.copy_received(mux.sub, od);
-                if copied && self.rules.copy_ends_each_validation() {
-                    od.set_int(mux, self.rules.status_after_copy());
+                if let Some(changed) = copied
+                    && self.rules.copy_ends_each_validation()
+                {
+                    od.set_int(mux, self.rules.status_after_copy(changed));
                 }
             }
             index => {
@@ -179,15 +183,15 @@ impl Ax021211 {
         Some(Mux::new(table(place, 6), 1))
     }
 
-    /// 7F50h, if it is valid, into 7300h (2.3.17); whether it was.
-    fn copy_received(&self, sub: u8, od: &mut Dictionary) -> bool {
+    /// 7F50h, if it is valid, into 7300h (2.3.17); if it was, whether that changed 7300h.
+    fn copy_received(&self, sub: u8, od: &mut Dictionary) -> Option<bool> {
         let status = od.int(Mux::new(RECEIVED_STATUS, sub)).unwrap_or(0);
-        let takes = self.rules.takes_received(status);
-        if takes {
+        self.rules.takes_received(status).then(|| {
             let value = od.int(Mux::new(RECEIVED, sub)).unwrap_or(0);
+            let before = od.int(Mux::new(PROCESS_VALUE, sub));
             od.set_int(Mux::new(PROCESS_VALUE, sub), value);
-        }
-        takes
+            before != Some(value)
+        })
     }
 
     /// 6310h (1.3, 1.8).

@@ -58,6 +58,12 @@ decisions! {
         true
     }
 
+    /// The state that an object of the manufacturer chooses is entered after each boot-up (device
+    /// manuals).
+    fn boot_up_state_chosen(&self, _reset: Reset) -> bool {
+        true
+    }
+
     /// With bit 2 of 1F80h clear a node starts itself (7.5.2.34); without 1F80h it may.
     fn starts_itself(&self, startup: Option<u32>) -> bool {
         startup.is_some_and(|startup| startup & 1 << 2 == 0)
@@ -112,6 +118,7 @@ deviations! {
     "nmt-start-ignored-after-error" =>
         nmt_obeyed: |_, service, error_register| service != Service::START || error_register == 0;
     "reset-communication-keeps-objects" => reset_restores: |_, reset| reset == Reset::Node;
+    "boot-up-state-after-reset-node-only" => boot_up_state_chosen: |_, reset| reset == Reset::Node;
     "reset-node-keeps-objects" => reset_restores: |_, reset| reset == Reset::Communication;
     "parameters-of-rpdos-outlive-reset-communication" =>
         reset_takes_over: |_, index| index != 0x1400;

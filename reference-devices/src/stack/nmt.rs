@@ -6,7 +6,7 @@ use canopen::heartbeat::ErrorControl;
 use canopen::lss::UNCONFIGURED;
 use canopen::{Abort, DataType, Instant, Mux, NmtState, Outbox};
 
-use crate::rules::Change;
+use crate::rules::{Change, Reset};
 use crate::stack::base::Base;
 
 /// The part of NMT that needs time: initialisation until boot-up.
@@ -16,6 +16,8 @@ pub(crate) struct Nmt {
     booted_at: Instant,
     /// The state to return to after boot-up, for a node with the deviation that remembers it.
     remembered: Option<NmtState>,
+    /// An object chooses the state after boot-up.
+    chooses: bool,
 }
 
 impl Nmt {
@@ -40,8 +42,9 @@ impl Nmt {
     }
 
     /// Initialisation has begun. Without a node id it does not end (CiA 305).
-    pub(crate) fn initialise(&mut self, now: Instant, base: &mut Base) {
+    pub(crate) fn initialise(&mut self, now: Instant, reset: Reset, base: &mut Base) {
         base.state = NmtState::INITIALISING;
+        self.chooses = base.rules.boot_up_state_chosen(reset);
         if base.id == UNCONFIGURED {
             self.boot_up_at = None;
             return;
@@ -68,7 +71,8 @@ impl Nmt {
         for _ in 0..base.rules.boot_up_messages() {
             out.push(ErrorControl::BOOT_UP.frame(base.id));
         }
-        let chosen = base.settings.boot_up_state_object.and_then(|mux| chosen_state(mux, base));
+        let chooses = base.settings.boot_up_state_object.filter(|_| self.chooses);
+        let chosen = chooses.and_then(|mux| chosen_state(mux, base));
         let startup = base.od.int(STARTUP).map(|startup| startup as u32);
         let alone = base.rules.starts_itself(startup);
         let first = if alone { NmtState::OPERATIONAL } else { NmtState::PRE_OPERATIONAL };

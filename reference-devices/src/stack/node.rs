@@ -128,7 +128,7 @@ impl Node {
         if reset == Reset::Node {
             self.attach(now);
         }
-        self.nmt.initialise(now, &mut self.services.base);
+        self.nmt.initialise(now, reset, &mut self.services.base);
     }
 
     /// Goes on the bus as the parameters that a reset has loaded say.

@@ -248,12 +248,15 @@ pub(crate) fn others(dut: &Dut, stored: &[u8]) -> impl Iterator<Item = (String, 
     NAMES.into_iter().zip(free).flat_map(|(name, node)| names_of(name, node))
 }
 
-/// The name of a node, its identifiers, and its part of an entry of 1016h.
-fn names_of(name: &str, node: u8) -> [(String, Binding); 6] {
+/// The name of a node, its identifiers, its part of an entry of 1016h, and the lowest bytes of the
+/// COB-IDs that begin with 201h or 301h, and with 180h to 480h.
+fn names_of(name: &str, node: u8) -> [(String, Binding); 8] {
     let id = |base: u16| Binding::Id(Id::standard(base + u16::from(node)));
     [
         (name.to_owned(), int(node.into())),
         (format!("{name}-consumer"), int(i128::from(node) << 16)),
+        (format!("{name}-plus-1h"), int(i128::from(node) + 0x01)),
+        (format!("{name}-plus-80h"), int(i128::from(node) + 0x80)),
         (format!("{name}-boot-up"), id(heartbeat::COB_ID)),
         (format!("{name}-heartbeat"), id(heartbeat::COB_ID)),
         (format!("{name}-request"), id(sdo::REQUEST_COB_ID)),

@@ -8,7 +8,11 @@ use super::objects::{
     BLINK_RATE, DELAY_POLARITY, DELAY_TIME, DIGITAL_FAULT_MODE, DIGITAL_FAULT_STATE, DIGITS_FV,
     HOLD_CURRENT, HOTSHOT_CURRENT, HOTSHOT_TIME, POLARITIES, Parameters,
 };
+use super::output::Command;
 use super::rules::Ax021211Rules;
+
+/// How long a command that has ended is still seen, for a deviation.
+const MOMENT: Duration = Duration::from_millis(100);
 
 /// The settings of a digital output.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -92,6 +96,9 @@ impl Digital {
             && wanted != self.drive
             && rules.is_delayed_edge(wanted, settings.delayed_state);
         if !late {
+            if self.outlasts(now, wanted, settings, rules) {
+                return;
+            }
             self.waiting = None;
             self.drive = wanted;
             return;
@@ -103,6 +110,27 @@ impl Digital {
         } else {
             self.due = Some(due);
         }
+    }
+
+    /// Whether a delay goes on without its command, for a deviation; at its end the output changes
+    /// for a moment.
+    fn outlasts(
+        &mut self,
+        now: Instant,
+        wanted: bool,
+        settings: &DigitalSettings,
+        rules: &Ax021211Rules,
+    ) -> bool {
+        let Some(since) = self.waiting.filter(|_| !rules.delay_ends_with_its_command()) else {
+            return false;
+        };
+        let end = since + rules.delay(settings.delay);
+        if now >= end + MOMENT {
+            return false;
+        }
+        self.drive = wanted != (end <= now);
+        self.due = Some(if end <= now { end + MOMENT } else { end });
+        true
     }
 
     /// On for the rate, then off for it, as long as the output is commanded on (2.4.4).
@@ -119,9 +147,15 @@ impl Digital {
     }
 
     /// Something else than the control input sets the state at which the output drives.
-    pub(super) fn force(&mut self, on: bool, settings: &DigitalSettings, rules: &Ax021211Rules) {
+    pub(super) fn force(
+        &mut self,
+        on: bool,
+        by: Command,
+        settings: &DigitalSettings,
+        rules: &Ax021211Rules,
+    ) {
         self.logic = on;
-        self.drive = rules.forced(on, settings.inverse);
+        self.drive = rules.forced(on, settings.inverse, by);
         self.hold();
     }
 

@@ -322,10 +322,14 @@ impl Output {
         let set = &settings.digital;
         match command {
             Command::Fault if rules.keeps(set.keeps_on_fault) => self.digital.keep(now, rules),
-            Command::Fault => self.digital.force(rules.fault_state(set.fault_state), set, rules),
-            Command::Override => self.digital.force(settings.override_fv != 0.0, set, rules),
+            Command::Fault => {
+                self.digital.force(rules.fault_state(set.fault_state), command, set, rules);
+            }
+            Command::Override => {
+                self.digital.force(settings.override_fv != 0.0, command, set, rules);
+            }
             Command::Disabled(Disabled::KeepLast) => self.digital.hold(),
-            Command::Disabled(_) => self.digital.force(false, set, rules),
+            Command::Disabled(_) => self.digital.force(false, command, set, rules),
             Command::Control(signal) => {
                 let response = settings.responses.control;
                 let off = rules.is_digital_off(response, signal.value, settings.pv);

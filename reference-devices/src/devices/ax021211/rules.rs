@@ -161,7 +161,7 @@ decisions! {
     }
 
     /// The status falls back when the value is copied (2.3.17).
-    fn status_after_copy(&self) -> i64 {
+    fn status_after_copy(&self, _changed: bool) -> i64 {
         0
     }
 

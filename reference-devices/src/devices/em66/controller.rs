@@ -33,6 +33,10 @@ pub(super) struct Controller {
     relay: Option<Relay>,
     /// Whether the request for a self-optimisation that is present has been answered.
     answered: bool,
+    /// The second set point was selected at the last decision.
+    second: bool,
+    /// The first set point, since it was selected again.
+    returned_to: Option<i64>,
     /// In tenths of a percent: heating is positive, cooling negative.
     output: i64,
 }
@@ -61,6 +65,8 @@ impl Controller {
             pid: Pid::new(),
             relay: None,
             answered: false,
+            second: false,
+            returned_to: None,
             output: 0,
         }
     }
@@ -106,7 +112,12 @@ impl Controller {
         let shown = rules.effective_value(effective.unwrap_or(NO_SENSOR));
         let waiting = rules.set_point_while_off(chosen, value(od, SET_POINT));
         let chosen_now = if duty.on { chosen } else { waiting };
-        let rates = rates(second, od, rules);
+        self.returned_to = match (std::mem::replace(&mut self.second, second), second) {
+            (_, true) => None,
+            (true, false) => Some(chosen),
+            (false, false) => self.returned_to.filter(|first| *first == chosen),
+        };
+        let rates = rates((second, self.returned_to.is_some()), od, rules);
         self.move_set_point(elapsed, duty.on, chosen_now, effective, rates, rules);
 
         let (low, high) = limits(od, rules);
@@ -227,8 +238,8 @@ impl Controller {
 }
 
 /// How fast the set point may move (3.4.14).
-fn rates(second: bool, od: &Dictionary, rules: &Em66Rules) -> Rates {
-    if second && !rules.ramps_to_second() {
+fn rates((second, returns): (bool, bool), od: &Dictionary, rules: &Em66Rules) -> Rates {
+    if second && !rules.ramps_to_second() || returns && !rules.ramps_back_from_second() {
         return Rates::default();
     }
     let (heating, cooling) = rules.rates(value(od, HEATING_RAMP), value(od, COOLING_RAMP));

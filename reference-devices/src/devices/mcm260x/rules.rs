@@ -393,6 +393,11 @@ decisions! {
         interface != 0
     }
 
+    /// A linear value ends at both limits unless it may leave them (8.b, parameters 38 to 41).
+    fn within_limits(&self, share: f64) -> f64 {
+        share.clamp(0.0, 1.0)
+    }
+
     /// The unit of temperatures does not concern linear signals (7.b).
     fn linear_digits(&self, digits: f64, _degree: i64) -> f64 {
         digits

@@ -88,7 +88,7 @@ fn scaled(share: f64, place: usize, parameters: Parameters) -> f64 {
     let lower = parameters.value(Item::LowerLimit, place);
     let upper = parameters.value(Item::UpperLimit, place);
     let beyond = parameters.value(Item::BeyondLimits, place) != 0;
-    let share = if beyond { share } else { share.clamp(0.0, 1.0) };
+    let share = if beyond { share } else { parameters.rules.within_limits(share) };
     let digits = lower as f64 + share * parameters.rules.span(lower, upper) as f64;
     parameters.rules.linear_digits(digits, parameters.common(Item::Degree))
 }

@@ -1,5 +1,7 @@
 //! Deviations of the controller that override one decision.
 
+use std::time::Duration;
+
 use canopen::Abort;
 
 use super::super::limits;
@@ -110,6 +112,7 @@ deviations! {
         logic::judge(operator, [b, a])
     };
     "fault-of-control-only" => input_fault: |_, inputs| inputs[0];
+    "fault-of-override-unseen" => input_fault: |_, inputs| inputs[0] || inputs[1];
     "override-before-fault" => decide: |_, found, control| {
         let fault = found.fault && !found.overrides;
         output::decide(Interventions { fault, ..found }, control)
@@ -135,6 +138,10 @@ deviations! {
     "ramp-over-whole-range" => ramp_span: |_, _, _, largest| largest;
     "ramp-from-the-minimum" => ramp_bias: |_, bias, minimum| bias.max(minimum);
     "ramps-swapped" => ramp: |_, ramp| Ramp { up: ramp.down, down: ramp.up, ..ramp };
+    "ramp-down-of-16-bits-with-sign" => ramp: |_, ramp| match ramp.down.as_millis() {
+        32_768.. => Ramp { down: Duration::ZERO, ..ramp },
+        _ => ramp,
+    };
     "override-on-ramp" => is_ramped: |_, command| {
         command == Command::Override
             || matches!(command, Command::Control(_) | Command::Disabled(Disabled::RampOff))
@@ -155,6 +162,11 @@ deviations! {
     "short-circuit-not-signalled" =>
         is_wrong: |_, drives, _, difference, tolerance| drives && difference > tolerance;
     "open-circuit-not-seen" => is_wrong: |_, drives, shorted, _, _| drives && shorted;
+    "reaction-delay-of-16-bits-with-sign" =>
+        reaction_delay: |_, configured| match configured.as_millis() {
+            32_768.. => Duration::ZERO,
+            _ => configured,
+        };
     "reaction-delay-halved" => reaction_delay: |_, configured| configured / 2;
     "takes-any-heartbeat-time" => refused: |rules, mux, abort| {
         if mux.index == 0x1017 { Ok(()) } else { rules.refused(mux, abort) }
@@ -162,6 +174,8 @@ deviations! {
     "takes-any-number" => refused: |rules, mux, abort| {
         if limits::source_of(mux).is_some() { Ok(()) } else { rules.refused(mux, abort) }
     };
+    "validation-lasts-without-a-change" =>
+        status_after_copy: |_, changed| i64::from(!changed);
     "copies-once-with-the-validation" => copies_with_the_validation: |_| true;
     "copies-once-with-the-validation" => copy_ends_each_validation: |_| true;
     "table-holds-without-source" => table_without_source: |_, held| held;

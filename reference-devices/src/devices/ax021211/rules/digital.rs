@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use super::super::output::Command;
 use super::Ax021211Rules;
 
 decisions! {
@@ -14,7 +15,7 @@ decisions! {
     }
 
     /// What an enable, an override or a fault demands is a drive state (1.2).
-    fn forced(&self, on: bool, _inverse: bool) -> bool {
+    fn forced(&self, on: bool, _inverse: bool, _by: Command) -> bool {
         on
     }
 
@@ -36,6 +37,11 @@ decisions! {
     /// 2224h (2.4.5).
     fn delay(&self, configured: Duration) -> Duration {
         configured
+    }
+
+    /// A command that ends within the delay has no effect when the delay is over (2.4.5).
+    fn delay_ends_with_its_command(&self) -> bool {
+        true
     }
 
     /// A delay is for on/off outputs (1.2).
@@ -87,7 +93,19 @@ deviations! {
     "delay-doubled" => delay: |_, configured| configured * 2;
     "hotshot-lasts" => hotshot_time: |_, configured| configured * 10;
     "hotshot-currents-swapped" => hotshot_currents: |_, hotshot, hold| (hold, hotshot);
-    "forces-the-logic-state" => forced: |_, on, inverse| on != inverse;
+    "forces-the-logic-state" => forced: |_, on, inverse, _| on != inverse;
+    "fault-state-turned-round" => forced: |rules, on, inverse, by| match by {
+        Command::Fault => on != inverse,
+        _ => rules.forced(on, inverse, by),
+    };
+    "shut-off-turned-round" => forced: |rules, on, inverse, by| match by {
+        Command::Disabled(_) => on != inverse,
+        _ => rules.forced(on, inverse, by),
+    };
+    "delay-of-16-bits-with-sign" => delay: |_, configured| match configured.as_millis() {
+        32_768.. => Duration::ZERO,
+        _ => configured,
+    };
     "polarity-3-blinks" => blinks: |_, polarity| polarity == 3;
     "hotshot-of-two-seconds" =>
         hotshot_time: |_, configured| configured.min(Duration::from_secs(2));

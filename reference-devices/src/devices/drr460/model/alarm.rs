@@ -104,10 +104,12 @@ impl Alarm {
         self.condition = self.is_met(sight, settings, rules);
         self.was_absent |= !self.condition || !rules.waits_for_absence(settings.contact);
         let condition = self.condition && self.was_absent;
-        let active = self.active.follow(condition, settings.delay, rules);
+        let closed = rules.normally_closed(settings.kind, settings.contact);
+        let delay = rules.alarm_delay(settings.delay, closed);
+        let active = self.active.follow(condition, delay, rules);
         self.latched = settings.latches && (self.latched || active);
         let alarm = active || self.latched;
-        Wanted::Level(alarm != rules.normally_closed(settings.kind, settings.contact))
+        Wanted::Level(alarm != closed)
     }
 
     /// The controller is in STOP: the next START finds nothing but what waits for a reset by hand.

@@ -115,6 +115,8 @@ pub(crate) struct Controller {
     was_manual: bool,
     /// The sensor was broken at the last decision.
     was_broken: bool,
+    /// The sensor is broken, as 4007h shows it.
+    broken: bool,
     /// PID control has the command.
     is_automatic: bool,
     functions: Option<Functions>,
@@ -126,6 +128,16 @@ pub(crate) struct Controller {
 struct Cycles {
     command: Cycle,
     alarms: Cycle,
+}
+
+impl Cycles {
+    /// The cycle of cooling by an alarm, counted from 0, and its seconds.
+    fn of_alarm(&self, place: usize, settings: &Settings, rules: &Rules) -> (Cycle, f64) {
+        match rules.cools_in_the_cycle_of_heating(place) {
+            true => (self.command, settings.cycle),
+            false => (self.alarms, settings.cooling_cycle),
+        }
+    }
 }
 
 impl Controller {
@@ -182,7 +194,9 @@ impl Controller {
         let reading = self.input.sample(connected, &settings.reading, elapsed, rules);
         let on = self.drives_load(inputs.master.is_some(), settings);
         self.transformer.step((inputs.milliamperes, on), &settings.current, rules);
-        let seen = (reading.is_error, settings.is_thermocouple, inputs.terminals);
+        let repaired = rules.repair_is_seen(inputs.running, self.was_manual);
+        self.broken = reading.is_error || self.broken && !repaired;
+        let seen = (self.broken, settings.is_thermocouple, inputs.terminals);
         let flags = self.flags.shown(inputs.faults, seen, rules) | self.transformer.flags(rules);
         let is_error = flags::is_error(flags, settings.is_thermocouple, rules);
         Measured {
@@ -314,9 +328,10 @@ impl Controller {
             Command::Analogue => None,
         };
         let alarms = functions.alarms;
-        let cooling = alarms
-            .iter()
-            .filter_map(|alarm| self.cycles.alarms.next(*alarm, settings.cooling_cycle, rules));
+        let cooling = alarms.iter().enumerate().filter_map(|(place, alarm)| {
+            let (cycle, period) = self.cycles.of_alarm(place, settings, rules);
+            cycle.next(*alarm, period, rules)
+        });
         command.into_iter().chain(cooling).reduce(f64::min)
     }
 
@@ -541,11 +556,12 @@ impl Controller {
     /// Puts what is wanted on the terminals, as it is in its cycle now.
     fn connect(&mut self, settings: &Settings, rules: &Rules) {
         let Some(functions) = &mut self.functions else { return };
-        let Cycles { command, alarms } = self.cycles;
         let wanted = self.cycles.command.hold(functions.command, rules);
-        functions.command_closed = command.is_closed(wanted, settings.cycle, rules);
-        functions.alarms_closed =
-            functions.alarms.map(|alarm| alarms.is_closed(alarm, settings.cooling_cycle, rules));
+        functions.command_closed = self.cycles.command.is_closed(wanted, settings.cycle, rules);
+        functions.alarms_closed = std::array::from_fn(|place| {
+            let (cycle, period) = self.cycles.of_alarm(place, settings, rules);
+            cycle.is_closed(functions.alarms[place], period, rules)
+        });
         if settings.wiring.command == Command::Valve {
             self.valve.go_to(valve_target(functions.command, rules));
         }

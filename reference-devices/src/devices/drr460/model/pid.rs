@@ -97,7 +97,8 @@ impl Pid {
         let lowest = if settings.cooling_band.is_some() { -1.0 } else { 0.0 };
         let rest = proportional + centre - derivative;
         self.integral = match settings.integral_time {
-            0.0 => 0.0,
+            0.0 if rules.integral_goes_with_its_time() => 0.0,
+            0.0 => self.integral,
             time => {
                 let grown = self.integral + deviation * elapsed / time;
                 // Demand beyond the limits of the output is not integrated.

@@ -141,6 +141,11 @@ decisions! {
         true
     }
 
+    /// A repaired sensor is no error any more, in STOP and in manual mode, too (11.3.10).
+    fn repair_is_seen(&self, _running: bool, _manual: bool) -> bool {
+        true
+    }
+
     /// In the standard procedure latch-on ends after 120 s (7.11).
     fn latch_time(&self) -> f64 {
         120.0
@@ -231,6 +236,12 @@ decisions! {
         if to_on { delay } else { -delay }
     }
 
+    /// Begin and end of an alarm, which a delay is for, do not depend on its contact (11.3.2,
+    /// subs 57 and 62).
+    fn alarm_delay(&self, delay: f64, _closed: bool) -> f64 {
+        delay
+    }
+
     /// A delay that is interrupted starts over in full.
     fn delay_starts_over(&self) -> bool {
         true
@@ -318,6 +329,11 @@ decisions! {
         true
     }
 
+    /// The integral part goes with the integral time (11.3.2, sub 34).
+    fn integral_goes_with_its_time(&self) -> bool {
+        true
+    }
+
     /// Within the dead band nothing is missing (11.3.2, sub 36).
     fn in_dead_band(&self, missing: i64, dead_band: i64) -> bool {
         missing.abs() <= dead_band
@@ -370,6 +386,11 @@ decisions! {
     /// A new share counts at once, not only from the next cycle on (11.3.2, subs 40 and 44).
     fn share_counts_at_once(&self) -> bool {
         true
+    }
+
+    /// Cooling has its own cycle time, at either alarm (11.3.2, sub 44).
+    fn cools_in_the_cycle_of_heating(&self, _alarm: usize) -> bool {
+        false
     }
 
     /// A cycle has the share of the output (11.3.2, subs 40 and 44).

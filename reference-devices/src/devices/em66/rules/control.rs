@@ -129,6 +129,11 @@ decisions! {
         true
     }
 
+    /// The way back from the second set point is a ramp as any other (3.4.14).
+    fn ramps_back_from_second(&self) -> bool {
+        true
+    }
+
     /// The way to the second set point is a ramp, too (3.4.14).
     fn ramps_to_second(&self) -> bool {
         true

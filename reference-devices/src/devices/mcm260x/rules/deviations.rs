@@ -114,6 +114,7 @@ deviations! {
     "low-supply-hides-the-inputs" =>
         flags: |_, _, now| if now & 0x0800 != 0 { now & 0x0FFF } else { now };
     "error-of-the-first-input-ends-only" => ends: |_, place| place == 0;
+    "lower-limit-may-be-left" => within_limits: |_, share| share.min(1.0);
     "falls-are-always-near" => is_near: |_, difference, near| difference <= near;
     "gain-ends-at-a-tenth" => calibrated: |_, digits, gain, offset| {
         digits * (1.0 + gain.clamp(-100.0, 100.0) / 1000.0) + offset

@@ -55,6 +55,21 @@ deviations! {
     };
     "alarm-delay-ignored" =>
         parameter: |_, sub, configured| if matches!(sub, 62 | 74) { 0 } else { configured };
+    "delay-of-a-closed-contact-turned-round" =>
+        alarm_delay: |_, delay, closed| if closed { -delay } else { delay };
+    "delay-of-the-end-not-for-closed-contacts" =>
+        alarm_delay: |_, delay, closed| if closed { delay.max(0.0) } else { delay };
+    "alarm-2-cools-in-the-cycle-of-heating" => cools_in_the_cycle_of_heating: |_, alarm| alarm == 1;
+    "repair-not-seen-in-stop" => repair_is_seen: |_, running, _| running;
+    "repair-not-seen-in-manual-mode" => repair_is_seen: |_, _, manual| !manual;
+    "gain-between-halves" =>
+        calibrated: |rules, digits, gain, offset| {
+            rules.calibrated(digits, gain.clamp(-500.0, 500.0), offset)
+        };
+    "offset-between-halves" =>
+        calibrated: |rules, digits, gain, offset| {
+            rules.calibrated(digits, gain, offset.clamp(-5000.0, 5000.0))
+        };
     "delay-both-ways" => delay: |_, _, delay| delay.abs();
     "reset-kept-without-storing" => kept_over_power_off: |_, reset| reset != 0;
     "resettable-while-it-lasts" => resettable: |_, latched, _| latched;
