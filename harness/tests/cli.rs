@@ -6,6 +6,7 @@
 //! | `exit` | the exit code |
 //! | `stdout`, `stderr` | what is printed; nothing where the file is absent |
 //! | `after` | a folder of files as the program leaves them |
+//! | `unix` | why no other system has this test |
 //!
 //! The program runs in the folder, whose other files are there for it, or in a copy of it if it is
 //! to change them. In what is printed, `{..}`
@@ -647,7 +648,9 @@ fn find(folder: &Path, found: &mut Vec<PathBuf>) {
         let path = entry.unwrap().path();
         if path.is_dir() {
             find(&path, found);
-        } else if path.file_name().is_some_and(|name| name == "args") {
+        } else if path.file_name().is_some_and(|name| name == "args")
+            && (cfg!(unix) || !folder.join("unix").exists())
+        {
             found.push(folder.to_owned());
         }
     }
