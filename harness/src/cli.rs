@@ -26,7 +26,9 @@ use crate::target::Selection;
 /// Without a command, `run`: every suite that applies runs against the target, or without a target
 /// against the reference devices in this program.
 #[derive(Debug, Parser)]
-#[command(name = "harness", version, args_conflicts_with_subcommands = true)]
+// Windows would say `harness.exe` in usages.
+#[command(name = "harness", bin_name = "harness", version)]
+#[command(args_conflicts_with_subcommands = true)]
 #[command(after_help = EXIT_CODES)]
 pub struct Cli {
     /// What to do; without one, `run`.

@@ -7,9 +7,16 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::source::{Complaint, Source};
+use crate::system;
 
-/// The operating system's message for an error, without the number.
+/// The message of the operating system for an error, without the number. It is English everywhere.
 pub(crate) fn words(error: &io::Error) -> String {
+    // This program's own errors have words of their own.
+    if error.get_ref().is_none()
+        && let Some(known) = system::words_of(error.kind())
+    {
+        return known.to_owned();
+    }
     let words = error.to_string();
     words.split(" (os error").next().unwrap_or_default().to_owned()
 }

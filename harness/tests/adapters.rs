@@ -112,6 +112,7 @@ fn times(run: &Run) -> String {
     device.info.remark.clone().unwrap_or_default()
 }
 
+#[cfg(unix)]
 #[test]
 fn an_adapter_on_a_serial_line_gets_the_verdicts_of_virtual_time() {
     let line = adapter::on_line(SERVED, Manner::default());
@@ -204,6 +205,7 @@ fn a_stack_of_others_behind_python_can_is_as_its_waivers_say() {
     others_are_as_their_waivers_say(&target);
 }
 
+#[cfg(unix)]
 #[test]
 #[ignore = "needs python-can: PYTHON names an interpreter that has it"]
 fn a_stack_of_python_can_behind_other_adapters_is_as_its_waivers_say() {
@@ -330,6 +332,7 @@ fn a_fault_of_an_adapter_with_gs_usb_leaves_a_complete_report() {
 }
 
 /// A device behind an adapter that needs 20 ms for each frame is not slow itself.
+#[cfg(unix)]
 #[test]
 fn a_slow_adapter_is_not_a_slow_device() {
     let slow = Manner { is_slow: Some(Duration::from_millis(20)), ..Manner::default() };
@@ -342,6 +345,7 @@ fn a_slow_adapter_is_not_a_slow_device() {
     });
 }
 
+#[cfg(unix)]
 #[test]
 fn a_scan_through_an_adapter_finds_the_device() {
     let line = adapter::on_line(SERVED, Manner::default());
@@ -353,6 +357,7 @@ fn a_scan_through_an_adapter_finds_the_device() {
 }
 
 /// Each fault in the middle of a run: its target, the exit code, and what is said.
+#[cfg(unix)]
 #[test]
 fn a_fault_in_the_middle_leaves_a_complete_report() {
     for (fault, exit, part) in [
@@ -426,6 +431,7 @@ fn what_is_refused_is_said() {
 }
 
 /// Only one program uses a serial line at a time.
+#[cfg(unix)]
 #[test]
 fn a_line_that_is_in_use_is_refused() {
     let line = adapter::on_line(SERVED, Manner::default());
@@ -438,6 +444,7 @@ fn a_line_that_is_in_use_is_refused() {
 }
 
 /// The kernel's slcan on the far end of a line, and a served device on its interface.
+#[cfg(unix)]
 #[test]
 #[ignore = "needs root and slcan: scripts/with-vcan"]
 fn the_slcan_of_the_kernel_gets_the_verdicts_of_virtual_time() {
@@ -505,6 +512,7 @@ impl Drop for Process {
 
 /// Two of a kind on one bus, of which one loses a node that a suite for the other plays. An
 /// emergency comes however late the machine is; a heartbeat of it would be missed.
+#[cfg(unix)]
 #[test]
 fn nodes_behind_one_adapter_are_tested_in_turn_and_the_other_one_is_watched() {
     const SUITE: &str = "\
@@ -546,6 +554,7 @@ cases:
     assert!(passed > 10, "{said}");
 }
 
+#[cfg(unix)]
 #[test]
 fn nodes_behind_two_adapters_are_in_one_report() {
     let lines = [SERVED, SERVED].map(|served| adapter::on_line(served, Manner::default()));

@@ -2,6 +2,9 @@
 //! their variables, conditions, caches and artifacts. What a server does itself is done here as
 //! simply as it can be.
 
+// The steps are commands of bash.
+#![cfg(unix)]
+
 mod common;
 
 use std::collections::BTreeMap;

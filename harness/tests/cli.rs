@@ -6,6 +6,7 @@
 //! | `exit` | the exit code |
 //! | `stdout`, `stderr` | what is printed; nothing where the file is absent |
 //! | `after` | a folder of files as the program leaves them |
+//! | `unix` | why no other system has this test |
 //!
 //! The program runs in the folder, whose other files are there for it, or in a copy of it if it is
 //! to change them. In what is printed, `{..}`
@@ -17,6 +18,7 @@ mod common;
 mod wildcards;
 
 use std::fs;
+#[cfg(unix)]
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
@@ -24,7 +26,9 @@ use std::sync::Mutex;
 use std::thread;
 
 use common::{harness, project};
+#[cfg(unix)]
 use nix::sys::signal::{Signal, kill};
+#[cfg(unix)]
 use nix::unistd::Pid;
 use reports::{Keep, Run, Verdict};
 use wildcards::matches;
@@ -428,6 +432,7 @@ fn a_run_that_is_killed_leaves_the_frames_of_its_open_case() {
 }
 
 /// In virtual time nothing waits, so that nothing but the runner notices a signal.
+#[cfg(unix)]
 #[test]
 fn each_signal_ends_a_run_with_complete_reports() {
     let signals = [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP];
@@ -448,6 +453,7 @@ fn each_signal_ends_a_run_with_complete_reports() {
 }
 
 /// Whether this process ignores a signal, and so does what it starts: SIGHUP under nohup.
+#[cfg(unix)]
 fn is_ignored(signal: Signal) -> bool {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
@@ -455,6 +461,7 @@ fn is_ignored(signal: Signal) -> bool {
     mask >> (signal as i32 - 1) & 1 != 0
 }
 
+#[cfg(target_os = "linux")]
 #[test]
 fn a_disk_that_is_full_is_said_and_spoils_no_other_report() {
     let folder = tempfile::tempdir().unwrap();
@@ -467,6 +474,7 @@ fn a_disk_that_is_full_is_said_and_spoils_no_other_report() {
     assert!(fs::read_to_string(junit).unwrap().contains("<testcase"));
 }
 
+#[cfg(target_os = "linux")]
 #[test]
 fn standard_output_that_takes_nothing_is_an_error_unless_its_reader_went_away() {
     let full = fs::File::options().write(true).open("/dev/full").unwrap();
@@ -481,6 +489,7 @@ fn standard_output_that_takes_nothing_is_an_error_unless_its_reader_went_away() 
 }
 
 /// Where it is no terminal there is none: the folders of `cli/` would show it.
+#[cfg(unix)]
 #[test]
 fn long_work_has_a_line_on_a_terminal() {
     for arguments in
@@ -517,6 +526,7 @@ fn colours_are_where_people_expect_them() {
     assert!(!coloured(None, &[force, no]) && !coloured(Some("never"), &[force]));
 }
 
+#[cfg(target_os = "linux")]
 #[test]
 fn standard_error_that_takes_nothing_changes_nothing() {
     let full = fs::File::options().write(true).open("/dev/full").unwrap();
@@ -525,6 +535,7 @@ fn standard_error_that_takes_nothing_changes_nothing() {
 }
 
 /// What is said beside the note that the demonstration has suites of its own.
+#[cfg(target_os = "linux")]
 fn beside_note(said: &[u8]) -> &str {
     let note = "note: the suites of ./suites are read instead of those in this program, from which \
                 they differ; a folder of your own that stands beside them has another name, with \
@@ -637,7 +648,9 @@ fn find(folder: &Path, found: &mut Vec<PathBuf>) {
         let path = entry.unwrap().path();
         if path.is_dir() {
             find(&path, found);
-        } else if path.file_name().is_some_and(|name| name == "args") {
+        } else if path.file_name().is_some_and(|name| name == "args")
+            && (cfg!(unix) || !folder.join("unix").exists())
+        {
             found.push(folder.to_owned());
         }
     }

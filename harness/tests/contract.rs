@@ -18,6 +18,7 @@ use std::time::Duration;
 use adapter::Manner;
 use canopen::sdo::{Request, Response};
 use canopen::{Bus, BusError, Frame, Instant, Mux, Stamped, VirtualBus};
+#[cfg(target_os = "linux")]
 use harness::bus::socketcan::SocketCan;
 use harness::bus::{GsUsb, Interface};
 use reference_devices::devices;
@@ -45,12 +46,14 @@ fn a_program_on_pipes_keeps_it() {
     on_interface(&interface);
 }
 
+#[cfg(unix)]
 #[test]
 fn an_adapter_on_a_serial_line_keeps_it() {
     let line = adapter::on_line(SERVED, Manner::default());
     on_interface(&format!("slcan:{},bitrate=1000000", line.path));
 }
 
+#[cfg(unix)]
 #[test]
 fn an_adapter_without_stamps_keeps_it() {
     let line = adapter::on_line(SERVED, Manner { is_simple: true, ..Manner::default() });
@@ -100,6 +103,7 @@ fn a_bus_of_python_can_keeps_it() {
     on_interface(&target);
 }
 
+#[cfg(target_os = "linux")]
 #[test]
 #[ignore = "needs vcan0: scripts/with-vcan"]
 fn socketcan_keeps_it() {

@@ -7,7 +7,9 @@ use std::path::Path;
 use std::process::Output;
 
 use common::harness;
+#[cfg(unix)]
 use nix::sys::signal::{Signal, kill};
+#[cfg(unix)]
 use nix::unistd::Pid;
 use reports::{Keep, Run, Verdict};
 
@@ -134,6 +136,7 @@ fn a_frame_that_comes_early_becomes_a_case() {
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
 }
 
+#[cfg(unix)]
 #[test]
 fn a_signal_ends_a_campaign_with_complete_reports() {
     for signal in [Signal::SIGINT, Signal::SIGTERM] {

@@ -1,6 +1,9 @@
 //! The harness on a real bus: the device in one process, the harness in another, the kernel's CAN
 //! between them. `scripts/with-vcan cargo test -p harness --test vcan -- --ignored` runs these.
 
+// Other systems have no SocketCAN.
+#![cfg(target_os = "linux")]
+
 #[path = "common/agree.rs"]
 mod agree;
 mod common;

@@ -59,6 +59,11 @@ pub(crate) fn ended_by(status: ExitStatus) -> Option<String> {
     })
 }
 
+/// The words for what goes wrong: those of the system.
+pub(crate) fn words_of(_kind: io::ErrorKind) -> Option<&'static str> {
+    None
+}
+
 /// Whether there is such a process.
 pub(crate) fn is_running(process: u32) -> bool {
     let known = i32::try_from(process).map(|process| kill(Pid::from_raw(process), None));

@@ -74,6 +74,27 @@ pub(crate) fn ended_by(_status: ExitStatus) -> Option<String> {
     None
 }
 
+/// The words for what goes wrong with files and connections, as other systems say them. Windows
+/// says them in the language of its user.
+pub(crate) fn words_of(kind: io::ErrorKind) -> Option<&'static str> {
+    use io::ErrorKind as Kind;
+    let words = match kind {
+        Kind::NotFound => "No such file or directory",
+        Kind::PermissionDenied => "Permission denied",
+        Kind::AlreadyExists => "File exists",
+        Kind::NotADirectory => "Not a directory",
+        Kind::DirectoryNotEmpty => "Directory not empty",
+        Kind::StorageFull => "No space left on device",
+        Kind::BrokenPipe => "Broken pipe",
+        Kind::ConnectionRefused => "Connection refused",
+        Kind::ConnectionReset => "Connection reset by peer",
+        Kind::AddrInUse => "Address already in use",
+        Kind::TimedOut => "Connection timed out",
+        _ => return None,
+    };
+    Some(words)
+}
+
 /// Whether there is such a process.
 pub(crate) fn is_running(process: u32) -> bool {
     process_alive::state(process.into()).is_alive()
@@ -167,6 +188,13 @@ mod tests {
         // Whoever holds the pipe has ended.
         let output = child.wait_with_output().unwrap();
         assert!(!output.status.success());
+    }
+
+    #[test]
+    fn an_error_has_the_same_words_as_elsewhere() {
+        let folder = tempfile::tempdir().unwrap();
+        let error = fs::read(folder.path().join("none")).unwrap_err();
+        assert_eq!(words_of(error.kind()), Some("No such file or directory"));
     }
 
     #[test]

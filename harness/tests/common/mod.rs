@@ -16,7 +16,9 @@ pub(crate) fn harness() -> Command {
 /// Where undo logs are. Machines that run side by side on these files have equal process ids.
 static STATE: LazyLock<PathBuf> = LazyLock::new(|| {
     let folder = tempfile::Builder::new().prefix("state-").tempdir_in(env!("CARGO_TARGET_TMPDIR"));
-    folder.expect("a folder").keep()
+    let folder = folder.expect("a folder").keep();
+    // On Windows a path of another system, for which the tests were built there, has no drive.
+    std::path::absolute(folder).expect("it has a path")
 });
 
 /// The folder of the project.
