@@ -45,7 +45,13 @@ impl Modelled {
         oracle: Option<&str>,
     ) -> Result<Self, Refused> {
         let dut = &target.dut;
-        let known = devices::all().find(|device| device.description.device == dut.name);
+        // A description says of a device in a folder what it says of one in this program.
+        let known = match &target.connection {
+            Connection::Simulation { device, .. } => Some(&**device),
+            Connection::Interface(_) => {
+                devices::all().find(|device| device.description.device == dut.name)
+            }
+        };
         let on_bus = matches!(target.connection, Connection::Interface(_));
         // LEDs and outputs that move are not judged well enough there to do so unasked.
         let oracle = oracle.or_else(|| on_bus.then_some(SHEET));
