@@ -127,6 +127,7 @@ impl<'r> Digest<'r> {
             },
             result: match (is_green, ended) {
                 (_, None) => "The run did not come to its end",
+                (true, _) if counts.of(Verdict::Waived) > 0 => "What is broken is waived",
                 (true, _) => "No requirement is broken",
                 (false, _) if run.is_green() => "The run is not green",
                 (false, _) => "Not conformant, or not decided",

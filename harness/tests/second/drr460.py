@@ -728,8 +728,9 @@ class Drr460(Node):
         low, high = self.p(45), self.p(46)
         if self.p(34):
             grown = self.integral + error / band * 100 * dt / (self.p(34) / 10)
-            if (-100 if cools else low) <= base + grown <= high or abs(grown) < abs(self.integral):
-                self.integral = grown
+            floor = -100 if cools else low  # it reaches the limits, and goes no further
+            least = min(floor - base, self.integral)
+            self.integral = clamp(grown, least, max(high - base, self.integral))
         else:
             self.integral = 0.0
         total = base + self.integral
