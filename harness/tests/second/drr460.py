@@ -40,7 +40,7 @@ PARAMETERS = """
 RANGES = [(-260, 1360), (-40, 1760), (-40, 1760), (-200, 1200), (-260, 400), (-260, 980),
           (-260, 1280), (100, 1820), (-100, 600), (-60, 180), (-40, 125), (-50, 150), (-100, 600),
           (-100, 600)]
-VOLT, MA20, MA4, MV60, POT = 14, 15, 16, 17, 18
+NTC, VOLT, MA20, MA4, MV60, POT = 10, 14, 15, 16, 17, 18
 
 # Bits of 4007h (11.3.10) by the fault on the bench.
 MEMORY_FAULTS = {"write": 2, "read": 3, "calibration-missing": 4, "calibrations": 16,
@@ -528,10 +528,12 @@ class Drr460(Node):
         if raw is None:
             self.samples = []
             if self.p(1) < VOLT and self.bench["input-wiring-1"] != "shorted":
-                # Out of the range its end is shown, of a broken wire the upper one (open).
+                # Out of the range its end is shown, of a broken wire the upper one (open); an NTC
+                # without current is very cold.
                 low, high = RANGES[self.p(1)]
                 broken = self.bench["input-wiring-1"] == "broken"
-                celsius = high if broken else clamp(self.temperature(), low, high)
+                end = low if self.p(1) == NTC else high
+                celsius = end if broken else clamp(self.temperature(), low, high)
                 self.process = self.in_degrees(celsius)
             return True
         value = raw * (1 + self.p(8) / 1000) + self.p(7)

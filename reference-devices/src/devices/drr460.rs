@@ -372,7 +372,7 @@ impl Drr460 {
             }
             Mux { index: LATCH_ON, sub } if !self.rules.learns(sub) => {}
             Mux { index: LATCH_ON, sub } => {
-                self.controller.command_latch(sub, written as u8);
+                self.controller.command_latch(sub, written as u8, &self.rules);
                 od.set_int(mux, self.rules.latch_command_reads(written));
             }
             Mux { index: PARAMETERS, sub } => {

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use canopen::eds::Direction;
 use canopen::pdo::CobId;
-use canopen::{Mux, NmtState};
+use canopen::{Abort, Mux, NmtState};
 
 use super::Rules;
 
@@ -98,6 +98,11 @@ decisions! {
     /// The number of mapped objects counts no entry that is empty.
     fn empty_entries_refused(&self) -> bool {
         true
+    }
+
+    /// An empty entry that is counted is a wrong number of entries.
+    fn empty_entry(&self) -> Abort {
+        Abort::VALUE
     }
 
     /// A gap is filled by a data type that the device offers for it, in an RPDO only (7.4.7).
@@ -318,6 +323,7 @@ deviations! {
     "tpdo-sent-in-pre-operational" => tpdo_sent_in: |_, state| state != NmtState::STOPPED;
     "pdos-configured-in-pre-operational-only" =>
         pdos_configured_in: |_, state, _| state == NmtState::PRE_OPERATIONAL;
+    "empty-entry-is-no-object" => empty_entry: |_| Abort::NO_OBJECT;
     "pdos-routed-in-pre-operational-only" =>
         pdos_configured_in: |_, state, routes| !routes || state == NmtState::PRE_OPERATIONAL;
     "event-timer-fixed-while-valid" =>

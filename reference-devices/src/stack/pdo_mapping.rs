@@ -99,7 +99,7 @@ fn check_count(index: u16, count: u8, direction: Direction, base: &Base) -> Resu
         if entry.encode() != 0 {
             check_entry(*entry, direction, base)?;
         } else if base.rules.empty_entries_refused() {
-            return Err(Abort::VALUE);
+            return Err(base.rules.empty_entry());
         }
     }
     if bits(&mapped) > base.rules.pdo_bits_max() {

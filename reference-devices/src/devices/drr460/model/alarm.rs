@@ -89,11 +89,13 @@ impl Alarm {
         if settings.kind == OFF {
             return Wanted::Level(false);
         }
+        let fails = sight.error && rules.alarm_knows_errors(settings.kind);
         if !sight.running && settings.stop.0 != WORKS_IN_STOP {
             self.stop();
-            return Wanted::State(settings.stop);
+            let fails = fails && rules.error_goes_before_stop();
+            return Wanted::State(if fails { settings.error } else { settings.stop });
         }
-        if sight.error && rules.alarm_knows_errors(settings.kind) {
+        if fails {
             return Wanted::State(settings.error);
         }
         if settings.cools() {

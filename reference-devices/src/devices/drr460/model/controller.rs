@@ -420,7 +420,8 @@ impl Controller {
                 self.pid = Pid::default();
             }
             self.output = if asked { inputs.output } else { 0.0 };
-            let stopped = Wanted::State(settings.stop);
+            let fails = sight.error && rules.error_goes_before_stop();
+            let stopped = Wanted::State(if fails { settings.error } else { settings.stop });
             let off = if inputs.running { Wanted::Share(0.0) } else { stopped };
             return (if inputs.test { Wanted::Level(true) } else { off }, asked, None);
         }
@@ -533,8 +534,11 @@ impl Controller {
     }
 
     /// 4011h `sub` was written.
-    pub(crate) fn command_latch(&mut self, sub: u8, value: u8) {
-        let share = self.input.share;
+    pub(crate) fn command_latch(&mut self, sub: u8, value: u8, rules: &Rules) {
+        let share = match sub {
+            4 => rules.virtual_zero(self.input.share),
+            _ => self.input.share,
+        };
         self.input.latch.command(sub, value, share);
     }
 

@@ -90,13 +90,13 @@ impl Transformer {
         self.on = on;
         self.amperes = rules.tenths_of_amperes(milliamperes, settings.full_scale);
         let (amperes, threshold) = (self.amperes, settings.break_threshold);
-        let nothing = amperes <= threshold * NOTHING;
+        let nothing = rules.is_no_current(amperes, threshold);
         let watches = threshold > 0.0;
         let weak = amperes < threshold;
         let over = settings.over_threshold;
         // `None` while the output is in a state in which the fault cannot show.
         let conditions = [
-            (!on).then_some(watches && !nothing),
+            (!on).then_some(watches && rules.is_short(amperes, threshold)),
             on.then_some(watches && nothing),
             on.then_some(watches && !nothing && weak),
             Some(over > 0.0 && amperes > over),
@@ -145,8 +145,6 @@ impl Transformer {
     }
 }
 
-/// A share of the threshold below which no current flows. The manual leaves it open.
-const NOTHING: f64 = 0.1;
 /// In seconds.
 const ROUNDING: f64 = 1e-6;
 

@@ -56,7 +56,8 @@ pub(super) fn microamperes(sources: &Sources, settings: &Settings, rules: &Rules
         6 => sources.remote as f64,
         _ => return None,
     };
-    if !sources.running && settings.stop.0 != WORKS_IN_STOP {
+    let fails = sources.error && rules.error_goes_before_stop();
+    if !sources.running && settings.stop.0 != WORKS_IN_STOP && !fails {
         return Some(settings.stop.microamperes(rules));
     }
     if sources.error {

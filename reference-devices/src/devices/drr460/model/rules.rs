@@ -60,6 +60,11 @@ decisions! {
         false
     }
 
+    /// In STOP outputs have their states of STOP with a broken sensor, too (11.3.2).
+    fn error_goes_before_stop(&self) -> bool {
+        false
+    }
+
     /// By which share of its full scale the input is off; 3.2 allows 0.3 %.
     fn input_error(&self) -> f64 {
         0.0
@@ -175,6 +180,12 @@ decisions! {
     /// What is read of a sub of 4011h other than the first after it was written: the same.
     fn latch_command_reads(&self, written: i64) -> i64 {
         written
+    }
+
+    /// The point that becomes the virtual zero, as a share of the range: where the signal is, within
+    /// the limits or not (7.11).
+    fn virtual_zero(&self, share: f64) -> f64 {
+        share
     }
 
     /// The values that latch-on learned survive power-off (7.11).
@@ -622,6 +633,18 @@ decisions! {
     /// Heater break and over-current are one alarm (11.3.2, subs 56 and 68, 10).
     fn current_alarm(&self, faults: [bool; 4]) -> bool {
         faults.contains(&true)
+    }
+
+    /// Up to this current in tenths of an ampere none flows: a tenth of the threshold. The manual
+    /// leaves it open.
+    fn is_no_current(&self, amperes: f64, threshold: f64) -> bool {
+        amperes <= threshold / 10.0
+    }
+
+    /// From this current in tenths of an ampere on the switch is in short circuit while the command
+    /// is off: any. The manual leaves it open.
+    fn is_short(&self, amperes: f64, threshold: f64) -> bool {
+        amperes > threshold / 10.0
     }
 
     /// The key teaches this share of the present current as threshold. The manual leaves it open.

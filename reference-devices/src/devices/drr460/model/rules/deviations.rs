@@ -115,6 +115,9 @@ deviations! {
     "alarms-share-a-set-point" => alarm_set_point: |_, _| Mux::new(0x4001, 0);
     "deviation-is-absolute" => deviation: |_, process, _| process;
     "alarm-ignores-hysteresis" => second_threshold: |_, first, _| first;
+    "short-circuit-from-the-threshold" => is_short: |_, amperes, threshold| amperes >= threshold;
+    "current-from-a-tenth-of-an-ampere" => is_no_current: |_, amperes, _| amperes < 1.0;
+    "virtual-zero-within-the-limits" => virtual_zero: |_, share| share.clamp(0.0, 1.0);
     "alarm-begins-beyond-its-threshold" => alarm_begins: |_, beyond| beyond > 0;
     "alarm-ends-at-its-threshold" => alarm_lasts: |_, beyond| beyond > 0;
     "alarm-hysteresis-without-sign" =>
