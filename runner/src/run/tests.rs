@@ -619,6 +619,20 @@ fn an_error_register_that_cannot_be_read_is_no_obstacle() {
 }
 
 #[test]
+fn a_request_before_the_boot_up_message_is_told() {
+    let apart = |steps: &str| {
+        let ran = run(&mut odd(Box::new(|_, seen| Some(seen))), 1, steps);
+        let Outcome::Fail(problem) = &ran.outcomes[0] else { panic!("{:?}", ran.outcomes) };
+        (problem.actual.clone(), problem.apart.clone())
+    };
+    let told = Some("the request was sent before the boot-up message".to_owned());
+    let too_early = apart("[ nmt: reset-node, read: { object: '1000:00' } ]");
+    assert_eq!(too_early, ("no answer".to_owned(), told));
+    let stopped = apart("[ nmt: stop, read: { object: '1000:00' }, nmt: reset-node ]");
+    assert_eq!(stopped, ("no answer".to_owned(), None));
+}
+
+#[test]
 fn a_boot_up_message_that_never_comes_is_waited_for_once() {
     let mut bus = odd(Box::new(|_, seen| (seen.frame != Frame::new(0x701, [0])).then_some(seen)));
     let fails = "[ nmt: reset-node, wait: 3 s, read: { object: '1000:00', value: 0 } ]";

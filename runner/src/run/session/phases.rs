@@ -96,7 +96,12 @@ fn promised(steps: &mut Steps, step: &Step) -> Judgement {
     };
     match judgement {
         Ok(lenient) => Ok(lenient.map(promised)),
-        Err(Trouble::Device(difference)) => Err(Trouble::Device(promised(difference))),
+        Err(Trouble::Device(mut difference)) => {
+            if difference.apart.is_none() {
+                difference.apart = steps.asked_too_early(step, &difference);
+            }
+            Err(Trouble::Device(promised(difference)))
+        }
         other => other,
     }
 }

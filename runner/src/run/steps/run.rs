@@ -159,6 +159,29 @@ impl Steps<'_, '_> {
         booted.map_or(Ok(()), |boot_up| self.link.wait(boot_up.at + time))
     }
 
+    /// What explains that a request had no answer: a node does not listen before its boot-up
+    /// message.
+    pub(in crate::run) fn asked_too_early(
+        &self,
+        step: &Step,
+        failed: &Difference,
+    ) -> Option<String> {
+        const ABORT: u8 = 0x80;
+        if !step.transfers_objects() || failed.actual != sdo::Failure::Timeout.to_string() {
+            return None;
+        }
+        let boot_up = ErrorControl::BOOT_UP.frame(self.dut.node);
+        let requests = Some(sdo::REQUEST_COB_ID + u16::from(self.dut.node));
+        let is_request = |Stamped { own, frame, .. }: &Stamped| {
+            *own && frame.data_id() == requests && frame.data.first() != Some(&ABORT)
+        };
+        let trace = self.link.trace();
+        let asked = trace.iter().rposition(|seen| is_request(&seen.stamped))?;
+        let mut since = trace[asked..].iter().map(|seen| &seen.stamped);
+        let booted = since.any(|seen| !seen.own && seen.frame == boot_up);
+        booted.then(|| "the request was sent before the boot-up message".to_owned())
+    }
+
     fn reply(&mut self, reply: &Reply) -> Judgement {
         let strict = self.pattern(&reply.frame)?;
         let within = self.optional_time(&reply.within, DEFAULT_REPLY)? + self.policy.slow_wire;
