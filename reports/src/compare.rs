@@ -20,7 +20,9 @@ pub fn compared(now: &Run, before: &Run) -> Comparison {
         let (device, name) = (*key).clone();
         (before != now).then_some(Change { device, name, before, now })
     };
-    let changed: Vec<Change> = names.iter().filter_map(change).collect();
+    let mut changed: Vec<Change> = names.iter().filter_map(change).collect();
+    // What needs work is read first; among equals, the names are in order.
+    changed.sort_by_key(Change::rank);
     let is_red = |verdict: Option<Verdict>| verdict.is_some_and(|it| now.is_red(it));
     Comparison {
         new: causes.difference(&old_causes).cloned().collect(),

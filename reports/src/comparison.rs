@@ -61,6 +61,21 @@ impl Comparison {
             && self.moved.is_empty()
     }
 
+    /// The changes that are told one by one, those that need work first. A case that is BLOCKED
+    /// now follows from another that is told.
+    pub(crate) fn told(&self) -> impl Iterator<Item = &Change> {
+        self.changed.iter().filter(|change| change.now != Some(Verdict::Blocked))
+    }
+
+    /// How many cases are BLOCKED that were not.
+    pub(crate) fn blocked(&self) -> Option<String> {
+        match self.changed.len() - self.told().count() {
+            0 => None,
+            1 => Some("1 case: now BLOCKED".to_owned()),
+            many => Some(format!("{many} cases: now BLOCKED")),
+        }
+    }
+
     /// In words, for a terminal: what is new, what is cured, and which cases changed.
     pub fn text(&self) -> String {
         let mut text = String::new();
@@ -73,12 +88,15 @@ impl Comparison {
                 let _ = writeln!(text, "{heading:<8}{}", cause.replace('\n', " "));
             }
         }
-        for change in self.changed.iter().take(MOST_CHANGES) {
+        for change in self.told().take(MOST_CHANGES) {
             let _ = writeln!(text, "changed {}", change.text());
         }
-        let more = self.changed.len().saturating_sub(MOST_CHANGES);
+        let more = self.told().count().saturating_sub(MOST_CHANGES);
         if more > 0 {
             let _ = writeln!(text, "changed {more} more");
+        }
+        if let Some(blocked) = self.blocked() {
+            let _ = writeln!(text, "changed {blocked}");
         }
         for moved in &self.moved {
             let _ = writeln!(text, "moved   {}", moved.text());
@@ -97,6 +115,22 @@ impl Comparison {
 }
 
 impl Change {
+    /// Its place in the order of what matters: what is red or tolerated now comes first, what says
+    /// nothing last.
+    pub(crate) const fn rank(&self) -> u8 {
+        match self.now {
+            Some(Verdict::Fail) => 0,
+            Some(Verdict::Error) => 1,
+            Some(Verdict::Flaky) => 2,
+            Some(Verdict::Lenient) => 3,
+            Some(Verdict::Waived) => 4,
+            Some(Verdict::Pass) => 5,
+            Some(Verdict::Skip) => 6,
+            None => 7,
+            Some(Verdict::Blocked) => 8,
+        }
+    }
+
     /// `generic cia301/nmt/boot-up: PASS, now FAIL`.
     pub fn text(&self) -> String {
         let verdict = |it: Option<Verdict>| it.map_or("not run", Verdict::name);
@@ -123,4 +157,41 @@ pub(crate) const MOST_CHANGES: usize = 50;
 
 fn causes_of(count: usize) -> String {
     if count == 1 { "1 cause".to_owned() } else { format!("{count} causes") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_needs_work_is_read_first_and_blocked_in_one_line() {
+        let now = [
+            ("a", Some(Verdict::Blocked)),
+            ("b", Some(Verdict::Pass)),
+            ("c", Some(Verdict::Lenient)),
+            ("d", Some(Verdict::Blocked)),
+            ("e", Some(Verdict::Error)),
+            ("f", None),
+            ("g", Some(Verdict::Fail)),
+        ];
+        let change = |(name, now): (&str, _)| Change {
+            device: "pump".to_owned(),
+            name: name.to_owned(),
+            before: Some(Verdict::Skip),
+            now,
+        };
+        let mut changed = now.map(change).to_vec();
+        changed.sort_by_key(Change::rank);
+        let text = Comparison { changed, ..Comparison::default() }.text();
+        let expected = [
+            "changed pump g: SKIP, now FAIL",
+            "changed pump e: SKIP, now ERROR",
+            "changed pump c: SKIP, now LENIENT",
+            "changed pump b: SKIP, now PASS",
+            "changed pump f: SKIP, now not run",
+            "changed 2 cases: now BLOCKED",
+            "0 causes new, 0 cured, 0 as before, 7 cases changed",
+        ];
+        assert_eq!(text.lines().collect::<Vec<_>>(), expected);
+    }
 }

@@ -68,12 +68,15 @@ fn compared(comparison: &Comparison, out: &mut dyn Write) -> io::Result<()> {
             writeln!(out, "- **{heading}**: {}", escaped(cause))?;
         }
     }
-    for change in comparison.changed.iter().take(MOST_CHANGES) {
+    for change in comparison.told().take(MOST_CHANGES) {
         writeln!(out, "- {}", escaped(&change.text()))?;
     }
-    let more = comparison.changed.len().saturating_sub(MOST_CHANGES);
+    let more = comparison.told().count().saturating_sub(MOST_CHANGES);
     if more > 0 {
         writeln!(out, "- {more} more cases changed")?;
+    }
+    if let Some(blocked) = comparison.blocked() {
+        writeln!(out, "- {blocked}")?;
     }
     for moved in &comparison.moved {
         writeln!(out, "- **Moved**: {}", escaped(&moved.text()))?;
