@@ -658,6 +658,9 @@ pub struct ExplainArgs {
     /// code such as 8130h, a verdict, a step such as nmt, a name of the bench, or a number of
     /// CiA's conformance test such as 2.19
     pub name: String,
+    /// `sim:PATH`, a device that is described in a folder and known beside those in this program
+    #[arg(long, value_name = "TARGET")]
+    pub target: Option<String>,
     /// Which suites.
     #[command(flatten)]
     pub folders: Folders,
@@ -669,6 +672,10 @@ pub struct TraceArgs {
     /// The form
     #[arg(long, default_value = "md")]
     pub format: TraceFormat,
+    /// `sim:PATH`, a device that is described in a folder, whose mutants count beside those of the
+    /// devices in this program
+    #[arg(long, value_name = "TARGET")]
+    pub target: Option<String>,
     /// Which suites.
     #[command(flatten)]
     pub folders: Folders,

@@ -17,6 +17,7 @@ mod init;
 mod list;
 mod man;
 mod monitor;
+mod own;
 mod planned;
 mod qualify;
 mod recorded;

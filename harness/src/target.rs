@@ -36,6 +36,7 @@ pub use selection::{DEFAULT_BIT_RATE, Selection};
 pub(crate) use several::Other;
 pub use sheet::models;
 pub(crate) use sheet::{dut_of_file, read_eds};
+pub(crate) use sim::quoted;
 
 /// The devices a selection means, beside the suites that are loaded for them. A mistake in what
 /// names a simulated device is told before suites are read, which takes longest; a bus is asked

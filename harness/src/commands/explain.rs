@@ -20,13 +20,15 @@ use runner::suite::refusal::Refusal;
 use runner::suite::step::{EdsStep, Step};
 use runner::suite::{Dimension, Extent, Library, Requirement, Suite};
 
-use super::qualify::{Judged, assertions_of};
+use super::check::mutants_proved_on;
+use super::own::{OwnDevice, folder_of, is_of_program, own_devices};
+use super::qualify::{Judged, assertions_of, bring_home};
 use crate::cli::ExplainArgs;
 use crate::exit::{Exit, Refused};
 use crate::nearest::did_you_mean;
 use crate::reporter::say;
 use crate::source::At;
-use crate::target::reference_device;
+use crate::target::{quoted, reference_device};
 
 /// Explains a case, a suite, a requirement, a decision, a mutant, a freedom, a personality, an
 /// object, a finding in a data sheet, an abort code, an emergency error code, a verdict, a step, a
@@ -35,10 +37,15 @@ use crate::target::reference_device;
 /// # Errors
 /// When nothing has that name; what was meant, perhaps.
 pub(super) fn run(args: &ExplainArgs) -> Result<Exit, Refused> {
-    let library = args.folders.load()?;
+    let mut library = args.folders.load()?;
+    let own = own_devices(args.target.as_deref(), &library.catalogue)?;
+    if let Some(OwnDevice { path, .. }) = own.first() {
+        bring_home(&mut library, path, &args.folders)?;
+    }
     let (freedoms, personalities) = freedoms()?;
     let options = args.folders.options();
-    let book = Book { mutants: mutants()?, freedoms, personalities, library, options };
+    let mutants = mutants(&own, &library.catalogue)?;
+    let book = Book { mutants, freedoms, personalities, library, options, own };
     let text = book.explain(args.name.trim()).ok_or_else(|| book.unknown(&args.name))?;
     say(&text);
     Ok(Exit::Green)
@@ -50,10 +57,12 @@ struct Book {
     /// The options that name the folders of its suites.
     options: String,
     /// Each once, with the devices that have it.
-    mutants: Vec<(Mutant, Vec<&'static str>)>,
+    mutants: Vec<(Mutant, Vec<String>)>,
     /// Each with the device on which it is tried.
     freedoms: Vec<(Freedom, &'static str)>,
     personalities: Vec<Personality>,
+    /// The user's device, with its variants.
+    own: Vec<OwnDevice>,
 }
 
 type Freedoms = (Vec<(Freedom, &'static str)>, Vec<Personality>);
@@ -68,16 +77,28 @@ fn freedoms() -> Result<Freedoms, Refused> {
     Ok((freedoms, personalities))
 }
 
-fn mutants() -> Result<Vec<(Mutant, Vec<&'static str>)>, Refused> {
-    let mut all: Vec<(Mutant, Vec<&'static str>)> = Vec::new();
+fn mutants(
+    own: &[OwnDevice],
+    catalogue: &Catalogue,
+) -> Result<Vec<(Mutant, Vec<String>)>, Refused> {
+    let mut all: Vec<(Mutant, Vec<String>)> = Vec::new();
     for name in devices::names() {
         let own = mutant::of(&*reference_device(name, Catalogue::built_in())?);
         for mutant in own? {
             match all.iter_mut().find(|(known, _)| known.name == mutant.name) {
                 // A variant beside its device adds nothing.
                 Some(_) if devices::with_variants(name).next().is_none() => {}
-                Some((_, devices)) => devices.push(name),
-                None => all.push((mutant, vec![name])),
+                Some((_, devices)) => devices.push(name.to_owned()),
+                None => all.push((mutant, vec![name.to_owned()])),
+            }
+        }
+    }
+    let of_program = all.len();
+    for OwnDevice { path, .. } in own {
+        for mutant in mutants_proved_on(&*reference_device(path, catalogue)?)? {
+            let mut own = all[of_program..].iter();
+            if !own.any(|(known, _)| known.name == mutant.name) {
+                all.push((mutant, vec![path.clone()]));
             }
         }
     }
@@ -109,14 +130,13 @@ impl Book {
             full_name(suite, found) == case || *found.value.id.value == *case
         });
         let cases = cases.map(|(suite, case)| self.case(suite, case));
-        // A case may well have the name of the option that it is about.
-        let texts: Vec<String> =
-            option(name, &self.library.catalogue).into_iter().chain(cases).collect();
+        // A case may well have the name of a suite, or of the option that it is about.
+        let suite = self.library.suites.iter().find(|suite| suite.name() == name);
+        let before = suite.map(|suite| suite_text(suite)).into_iter();
+        let before = before.chain(option(name, &self.library.catalogue));
+        let texts: Vec<String> = before.chain(cases).collect();
         if !texts.is_empty() {
             return Some(texts.join("\n"));
-        }
-        if let Some(suite) = self.library.suites.iter().find(|suite| suite.name() == name) {
-            return Some(suite_text(suite));
         }
         let id = name.to_ascii_uppercase();
         if let Some(requirement) = self.library.register.find(&id) {
@@ -175,12 +195,23 @@ impl Book {
             page.item(&format!("{}: {}", mutant.name, mutant.why));
         }
         // A device that does not load is reported where it is asked for.
-        let proved = assertions_of(&self.library, suite, case).unwrap_or_default();
+        let proved = assertions_of(&self.library, suite, case, &self.own).unwrap_or_default();
         let demands = proved.iter().filter(|judged| judged.is_demand());
         page.list("proved by", demands.map(Judged::explained).collect());
-        let Self { options, .. } = self;
+        let options = self.target_for(suite) + &self.options;
         page.field("run", &format!("harness {}/{}{options}", suite.name(), case.id.value));
         page.0
+    }
+
+    /// The option that names the device of a suite. Those of the program are all run without it.
+    fn target_for(&self, suite: &Suite) -> String {
+        let Some(At { value: device, .. }) = &suite.file.device else { return String::new() };
+        if is_of_program(device) {
+            return String::new();
+        }
+        let own = self.own.iter().find(|own| own.name == *device);
+        let path = own.map_or_else(|| folder_of(device), |own| &own.path);
+        format!(" --target {}", quoted(&format!("sim:{path}")))
     }
 
     /// A requirement as a case sees it.
@@ -238,7 +269,7 @@ impl Book {
         page.0
     }
 
-    fn mutant(&self, mutant: &Mutant, devices: &[&str]) -> String {
+    fn mutant(&self, mutant: &Mutant, devices: &[String]) -> String {
         let mut page = Page::new(format!("mutant {}", mutant.name));
         page.field("why", &mutant.why);
         if mutant.canary {

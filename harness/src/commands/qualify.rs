@@ -26,8 +26,10 @@ use runner::suite::model::Case;
 use runner::suite::{Library, Suite};
 
 use super::counted::counted;
+use super::own::{OwnDevice, is_of_program};
 use crate::cli::QualifyArgs;
 use crate::exit::{Exit, Refused};
+use crate::folders::Folders;
 use crate::reporter::say;
 use crate::source::At;
 use crate::target;
@@ -54,7 +56,7 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     }
     let mut library = args.folders.load()?;
     if let Some(device) = &args.device {
-        bring_home(&mut library, device, args)?;
+        bring_home(&mut library, device, &args.folders)?;
     }
     if let Some(mutant) = &args.why {
         return why::run(args, &library, mutant);
@@ -110,13 +112,17 @@ fn again(args: &QualifyArgs) -> String {
 
 /// A suite of the user that names no device is proved on the user's own device when that is
 /// qualified. Elsewhere it would be proved on the device with everything, which is not looked at.
-fn bring_home(library: &mut Library, device: &str, args: &QualifyArgs) -> Result<(), Refused> {
+pub(super) fn bring_home(
+    library: &mut Library,
+    device: &str,
+    folders: &Folders,
+) -> Result<(), Refused> {
     let described = target::reference_device(device, &library.catalogue)?;
     let name = described.description.device.clone();
-    if devices::names().any(|known| known == name) {
+    if is_of_program(&name) {
         return Ok(());
     }
-    let own = args.folders.own_of(library.suites.iter().map(|suite| &suite.source));
+    let own = folders.own_of(library.suites.iter().map(|suite| &suite.source));
     for suite in library.suites.iter_mut().filter_map(Arc::get_mut) {
         let file = &mut suite.file;
         if own.contains(&suite.source.name) && file.device.is_none() && file.profile.is_none() {
@@ -126,7 +132,8 @@ fn bring_home(library: &mut Library, device: &str, args: &QualifyArgs) -> Result
     Ok(())
 }
 
-/// The assertions of a case, with the mutants that prove them on its own device.
+/// The assertions of a case, with the mutants that prove them on its own device, which may be one
+/// of the user.
 ///
 /// # Errors
 /// When the data of the device do not load.
@@ -134,10 +141,13 @@ pub(super) fn assertions_of<'l>(
     library: &'l Library,
     suite: &Suite,
     case: &Case,
+    own: &[OwnDevice],
 ) -> Result<Vec<Judged<'l>>, Refused> {
     let home = devices::names().filter(|name| matrix::is_home(name, suite));
+    let own = own.iter().filter(|own| matrix::is_home(&own.name, suite));
+    let home = home.map(str::to_owned).chain(own.map(|own| own.path.clone()));
     let fits: &Fits = &|other: &Case| std::ptr::eq(other, case);
-    let cleans = home.map(|name| Clean::of(library, name, fits)).collect::<Result<Vec<_>, _>>()?;
+    let cleans = home.map(|name| Clean::of(library, &name, fits)).collect::<Result<Vec<_>, _>>()?;
     let matrices = Matrix::of(&cleans, fits)?;
     let slips = slips_of(&cleans, &matrices, &[], fits)?;
     Ok(Assertions::of(library, &matrices, &[], &slips).about(case))

@@ -8,6 +8,7 @@ use reference_devices::{devices, mutant};
 use runner::suite::{CHECKS, Dimension, Extent, Library};
 
 use super::counted::counted;
+use super::own::{OwnDevice, own_devices};
 use crate::cli::{TraceArgs, TraceFormat};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
@@ -40,7 +41,8 @@ struct Row<'r> {
 /// When a file does not load.
 pub(super) fn run(args: &TraceArgs) -> Result<Exit, Refused> {
     let library = args.folders.load()?;
-    let (breaks, mut holes) = mutants(&library)?;
+    let own = own_devices(args.target.as_deref(), &library.catalogue)?;
+    let (breaks, mut holes) = mutants(&library, &own)?;
     let rows = rows(&library, &breaks);
     let mapped = library.test_map.len();
     if mapped > 0 && mapped != CHECKS {
@@ -57,7 +59,7 @@ pub(super) fn run(args: &TraceArgs) -> Result<Exit, Refused> {
             holes.push(format!("{}: no case checks it", row.id));
         }
         if row.mutants.is_empty() {
-            holes.push(format!("{}: no mutant breaks it", row.id));
+            holes.push(format!("{}: {UNBROKEN}", row.id));
         }
     }
     say(&match args.format {
@@ -70,15 +72,24 @@ pub(super) fn run(args: &TraceArgs) -> Result<Exit, Refused> {
     }
     holes.iter().for_each(|hole| complain!("hole: {hole}"));
     complain!("{}", counted(holes.len(), "hole"));
+    let is_own = !args.folders.only.is_empty() || !args.folders.more.is_empty();
+    if is_own && args.target.is_none() && holes.iter().any(|hole| hole.ends_with(UNBROKEN)) {
+        complain!("note: mutants of a device in a folder count with `--target sim:FOLDER`");
+    }
     Ok(Exit::Holes)
 }
+
+/// What is wrong with a requirement that no mutant proves.
+const UNBROKEN: &str = "no mutant breaks it";
 
 type Breaks = BTreeMap<String, BTreeSet<String>>;
 
 /// The mutants by requirement, and what they name that is not there.
-fn mutants(library: &Library) -> Result<(Breaks, Vec<String>), Refused> {
+fn mutants(library: &Library, own: &[OwnDevice]) -> Result<(Breaks, Vec<String>), Refused> {
     let (mut breaks, mut holes) = (Breaks::new(), BTreeSet::new());
-    for name in devices::names() {
+    let of_program = devices::names().map(str::to_owned);
+    let names: Vec<String> = of_program.chain(own.iter().map(|own| own.path.clone())).collect();
+    for name in &names {
         let device = reference_device(name, &library.catalogue)?;
         let mutants = mutant::of(&device);
         for mutant in mutants? {

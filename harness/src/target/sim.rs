@@ -129,7 +129,7 @@ fn own_name(selection: &Selection) -> Option<&str> {
 }
 
 /// A word quoted for a shell if it has other characters than letters, digits and `:/.-_`.
-pub(super) fn quoted(word: &str) -> String {
+pub(crate) fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || ":/.-_".contains(c);
     match word.chars().all(plain) {
         true => word.to_owned(),
