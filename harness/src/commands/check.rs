@@ -15,7 +15,8 @@ use runner::parallel;
 use runner::suite::{self, Library, Register};
 
 use super::counted::counted;
-use super::planned::plan_for;
+use super::own::folder_of;
+use super::planned::{plan_for, plan_to_check};
 use super::rewrite;
 use crate::cli::CheckArgs;
 use crate::exit::{Exit, Refused};
@@ -65,7 +66,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
     };
     let duts: Vec<&Dut> = targets.iter().map(|target| &target.dut).collect();
     let plans = match &own {
-        None => plan_for(&library, &duts)?,
+        None => plan_to_check(&library, &duts, &|device| again(&files, folders, device))?,
         Some(own) => {
             // The user's suites are for the user's device, and may name objects that others lack.
             let mut plans = plan_for(&of_the_program(&library), &duts)?;
@@ -99,6 +100,17 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
          {freedoms}: no errors\n"
     ));
     Ok(Exit::Green)
+}
+
+/// How to check suites for a device that is not the program's.
+fn again(files: &[PathBuf], folders: &Folders, device: &str) -> String {
+    let files = files.iter().map(|file| format!(" {}", file.display()));
+    let what = files.chain([folders.options()]).collect::<String>();
+    let folder = folder_of(device);
+    format!(
+        "`harness check {folder}{what}` checks it with a device that is described in a folder, \
+         and `--eds FILE --device {device}` with a data sheet"
+    )
 }
 
 /// These reference devices as targets.

@@ -9,6 +9,7 @@ use runner::plan::{self, Plan};
 use runner::stop::Stop;
 use runner::suite::Library;
 
+use super::own::{folder_of, is_of_program};
 use super::select::{all_named, known_device};
 use crate::exit::Refused;
 use crate::nearest::did_you_mean;
@@ -88,7 +89,32 @@ pub(super) fn plan_beside(
     duts: &[&Dut],
     others: &[Other],
 ) -> Result<Vec<Plan>, Refused> {
-    note_suites_of_nobody(library, duts, others);
+    let known = |name: &str| others.iter().any(|other| other.known.name == name);
+    note_suites_of_nobody(library, duts, known, &|device| {
+        let folder = folder_of(device);
+        format!(
+            "`--target sim:{folder}` runs it on a device that is described in a folder, and \
+             `--device {device}` gives another target this name"
+        )
+    });
+    plan_unnoted(library, duts)
+}
+
+/// A plan for each device, to check suites. `again` is how to check those for a device of one's
+/// own.
+///
+/// # Errors
+/// As [`plan_all`].
+pub(super) fn plan_to_check(
+    library: &Library,
+    duts: &[&Dut],
+    again: &dyn Fn(&str) -> String,
+) -> Result<Vec<Plan>, Refused> {
+    note_suites_of_nobody(library, duts, |_| false, again);
+    plan_unnoted(library, duts)
+}
+
+fn plan_unnoted(library: &Library, duts: &[&Dut]) -> Result<Vec<Plan>, Refused> {
     let (mut plans, mut complaints) = (Vec::new(), Vec::<Complaint>::new());
     let planned = parallel::map(duts.to_vec(), processors(), |dut| {
         plan::plan(library, dut, &target::models(&dut.eds))
@@ -107,18 +133,24 @@ pub(super) fn plan_beside(
 }
 
 /// Notes the suites for a device that is neither tested nor a reference device, which would
-/// silently never run.
-fn note_suites_of_nobody(library: &Library, duts: &[&Dut], others: &[Other]) {
+/// silently never run, with what `helps`.
+fn note_suites_of_nobody(
+    library: &Library,
+    duts: &[&Dut],
+    known: impl Fn(&str) -> bool,
+    helps: &dyn Fn(&str) -> String,
+) {
     for suite in &library.suites {
         let Some(At { value: device, .. }) = &suite.file.device else { continue };
-        let tested = duts.iter().any(|dut| dut.name == *device)
-            || others.iter().any(|other| other.known.name == *device);
-        if !tested && !devices::names().any(|name| name == device) {
+        let tested = duts.iter().any(|dut| dut.name == *device) || known(device);
+        if !tested && !is_of_program(device) {
+            let mut names: Vec<&str> = devices::names().collect();
+            names.extend(duts.iter().map(|dut| dut.name.as_str()));
             complain!(
-                "note: suite {} is for the device `{device}` and is left out; `--device {device}` \
-                 names the device under test{}",
+                "note: suite {} is for the device `{device}` and is left out; {}{}",
                 suite.name(),
-                did_you_mean(device, devices::names())
+                helps(device),
+                did_you_mean(device, names.into_iter())
             );
         }
     }
