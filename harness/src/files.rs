@@ -6,6 +6,7 @@ use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::exit::{Exit, Refused};
 use crate::source::{Complaint, Source};
 use crate::system;
 
@@ -191,6 +192,27 @@ fn text_from(first: usize, bytes: Vec<u8>) -> io::Result<String> {
         let line = first + lines_in(&error.as_bytes()[..valid]);
         io::Error::new(io::ErrorKind::InvalidData, format!("line {line} is not UTF-8"))
     })
+}
+
+/// Writes a file that is not there yet: what somebody has written is not lost. `instead` says what
+/// else to do where it is there.
+///
+/// # Errors
+/// That it is there, and whatever keeps it from being written.
+pub(crate) fn write_new(path: &Path, text: &str, instead: &str) -> Result<(), Refused> {
+    let written = File::create_new(path).and_then(|mut file| file.write_all(text.as_bytes()));
+    written.map_err(|error| match error.kind() {
+        io::ErrorKind::AlreadyExists => is_there(path, instead),
+        _ => Refused {
+            exit: Exit::File,
+            message: format!("error: {}: {}", path.display(), words(&error)),
+        },
+    })
+}
+
+/// The refusal to write over a file.
+pub(crate) fn is_there(path: &Path, instead: &str) -> Refused {
+    Refused::usage(format!("{} exists and is not overwritten: {instead}", path.display()))
 }
 
 /// Writes a file, and returns once it is on disk.

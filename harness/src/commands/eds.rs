@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use canopen::eds::{self, Eds, Module, Severity};
@@ -15,7 +14,7 @@ use runner::suite::{Level, Library};
 use super::counted::counted;
 use crate::cli::{EdsCommand, ProbeArgs, SheetFormat};
 use crate::exit::{Exit, Refused};
-use crate::files::{LARGEST, read, words};
+use crate::files::{LARGEST, is_there, read, words, write_new};
 use crate::folders::Folders;
 use crate::plugged::Plugged;
 use crate::reporter::{harmless, say};
@@ -202,7 +201,7 @@ fn judges_of_sheets() -> BTreeMap<String, Judge> {
 /// Writes the data sheet, for the user to complete.
 fn probe(args: &ProbeArgs, stop: &Stop) -> Result<Exit, Refused> {
     if let Some(path) = args.out.as_deref().filter(|path| path.exists()) {
-        return Err(exists(path));
+        return Err(is_there(path, INSTEAD));
     }
     let selection = Selection {
         node: args.node,
@@ -232,25 +231,15 @@ fn probe(args: &ProbeArgs, stop: &Stop) -> Result<Exit, Refused> {
         compose(&mut *bus, &found, bit_rate, &catalogue)?
     };
     match &args.out {
-        Some(path) => create(path, &sheet.source.text)?,
+        Some(path) => write_new(path, &sheet.source.text, INSTEAD)?,
         None => say(&sheet.source.text),
     }
     complain!("{} objects of node {} answered", eds.objects.len(), found.node);
     Ok(Exit::Green)
 }
 
-/// Writes a file that is not there yet: a data sheet of the vendor must not be lost.
-fn create(path: &Path, text: &str) -> Result<(), Refused> {
-    let mut file = fs::File::create_new(path).map_err(|error| match error.kind() {
-        std::io::ErrorKind::AlreadyExists => exists(path),
-        _ => file_error(path, &error),
-    })?;
-    file.write_all(text.as_bytes()).map_err(|error| file_error(path, &error))
-}
-
-fn exists(path: &Path) -> Refused {
-    Refused::usage(format!("{} exists and is not overwritten", path.display()))
-}
+/// What to do where the file is there, which may be a data sheet of the vendor.
+const INSTEAD: &str = "give `--out` another name";
 
 /// Writes files of which paths in the project and texts are given, there or to a folder.
 fn write(files: Vec<(String, String)>, out: Option<&Path>) -> Result<Exit, Refused> {
@@ -262,7 +251,7 @@ fn write(files: Vec<(String, String)>, out: Option<&Path>) -> Result<Exit, Refus
             Some(folder) => {
                 let path = folder.join(Path::new(&file).file_name().unwrap_or_default());
                 if fs::read(&path).ok().as_deref() != Some(text.as_bytes()) {
-                    create(&path, &text)?;
+                    write_new(&path, &text, INSTEAD)?;
                 }
                 path
             }

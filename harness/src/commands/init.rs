@@ -1,10 +1,8 @@
 //! `harness init`: looks at a device and writes a first device file about it.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::{fs, io};
 
 use canopen::Bus;
 use canopen::eds::Eds;
@@ -15,7 +13,7 @@ use runner::stop::Stop;
 use crate::bus::Interface;
 use crate::cli::InitArgs;
 use crate::exit::{Exit, Refused};
-use crate::files::words;
+use crate::files::{is_there, write_new};
 use crate::reporter::say;
 use crate::target::{
     self, Address, DEFAULT_BIT_RATE, Found, Selection, compose, reference_device, scan,
@@ -27,7 +25,7 @@ use crate::target::{
 /// When no single device answers, or a file is there already or cannot be written.
 pub(super) fn run(args: &InitArgs, stop: &Stop) -> Result<Exit, Refused> {
     if args.out.exists() {
-        return Err(is_there(&args.out));
+        return Err(is_there(&args.out, INSTEAD));
     }
     args.modules.beside(args.eds.as_deref())?;
     let catalogue = args.catalogue.load()?;
@@ -38,7 +36,7 @@ pub(super) fn run(args: &InitArgs, stop: &Stop) -> Result<Exit, Refused> {
         args.node,
     )?;
     let (sheet, eds) = sheet(args, &found, &mut *bus, bit_rate, &catalogue)?;
-    create(&args.out, &text(args, &found, &sheet, &eds, bit_rate))?;
+    write_new(&args.out, &text(args, &found, &sheet, &eds, bit_rate), INSTEAD)?;
     let out = args.out.display();
     say(&format!(
         "{out}: read it, then\n  harness --dut {out} --dry-run    what would be written\n  \
@@ -93,7 +91,7 @@ fn sheet(
     }
     let path = args.out.with_extension("eds");
     let (sheet, eds) = compose(bus, found, bit_rate.unwrap_or(DEFAULT_BIT_RATE), catalogue)?;
-    create(&path, &sheet.source.text)?;
+    write_new(&path, &sheet.source.text, "name it with `--eds`, or remove it")?;
     Ok((Sheet::Generated(path), eds))
 }
 
@@ -260,19 +258,5 @@ fn quoted(text: &str) -> String {
     }
 }
 
-/// Writes a file that is not there yet.
-fn create(path: &Path, text: &str) -> Result<(), Refused> {
-    let failed = |error: &io::Error| Refused {
-        exit: Exit::File,
-        message: format!("error: {}: {}", path.display(), words(error)),
-    };
-    let mut file = fs::File::create_new(path).map_err(|error| match error.kind() {
-        io::ErrorKind::AlreadyExists => is_there(path),
-        _ => failed(&error),
-    })?;
-    file.write_all(text.as_bytes()).map_err(|error| failed(&error))
-}
-
-fn is_there(path: &Path) -> Refused {
-    Refused::usage(format!("{} exists and is not overwritten", path.display()))
-}
+/// What to do where the file is there.
+const INSTEAD: &str = "give `--out` another name, or remove it";

@@ -5,8 +5,6 @@ mod prune;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
-use std::fs::File;
-use std::io::Write as _;
 use std::path::Path;
 
 use reports::{Cause, Outcome, Run, Verdict, facts};
@@ -16,6 +14,7 @@ use super::recorded::recorded;
 use crate::bus::unix_time;
 use crate::cli::WaiveArgs;
 use crate::exit::{Exit, Refused};
+use crate::files::write_new;
 use crate::reporter::say;
 
 /// Writes a waiver for each fact that makes a run of these journals red, or prunes a file of them.
@@ -41,18 +40,16 @@ pub(super) fn run(args: &WaiveArgs) -> Result<Exit, Refused> {
     match &args.out {
         None => say(&text),
         Some(out) => {
-            let name = out.display();
-            // An existing file may contain reasons that the user wrote, so it is never overwritten.
-            let file = File::options().write(true).create_new(true).open(out);
-            let written = file.and_then(|mut file| file.write_all(text.as_bytes()));
-            written.map_err(|error| refused(format!("error: {name}: {error}")))?;
+            // It may contain reasons that the user wrote.
+            let instead = format!(
+                "give `--out` another name; `--prune {}` leaves out of it what is not needed any \
+                 more",
+                out.display()
+            );
+            write_new(out, &text, &instead)?;
         }
     }
     Ok(Exit::Green)
-}
-
-const fn refused(message: String) -> Refused {
-    Refused { exit: Exit::File, message }
 }
 
 /// The run of a journal.

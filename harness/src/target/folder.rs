@@ -83,12 +83,12 @@ fn listed(folder: &Path) -> Result<Vec<(String, Arc<Source>)>, Complaint> {
     let entries = match fs::read_dir(folder) {
         Ok(entries) => entries,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
-        Err(error) => return Err(missing(folder, &error.to_string())),
+        Err(error) => return Err(missing(folder, &words(&error))),
     };
     let mut paths: Vec<PathBuf> = entries
         .map(|entry| entry.map(|entry| entry.path()))
         .collect::<Result<_, _>>()
-        .map_err(|error| missing(folder, &error.to_string()))?;
+        .map_err(|error| missing(folder, &words(&error)))?;
     paths.retain(|path| path.extension().is_some_and(|extension| extension == "yaml"));
     paths.sort();
     let mut files = Vec::new();

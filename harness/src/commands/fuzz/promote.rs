@@ -1,8 +1,7 @@
 //! `harness fuzz promote`: a finding becomes a case of the user's, once it is shown to be red on
 //! the device, and green on a model of it with each freedom.
 
-use std::fs::{self, File};
-use std::io::Write;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -23,7 +22,7 @@ use super::stage::{Place, target_of};
 use crate::cli::PromoteArgs;
 use crate::commands::run::undo;
 use crate::exit::{Exit, Refused};
-use crate::files::words;
+use crate::files::{words, write_new};
 use crate::reporter::say;
 use crate::source::Source;
 use crate::target::{self, DEFAULT_BIT_RATE, Selection, Target};
@@ -125,11 +124,16 @@ impl Files {
     /// What somebody has written is not overwritten.
     fn write(&self) -> Result<(), Refused> {
         for (path, text) in [&self.register, &self.suite] {
-            let written = write_new(path, text);
-            written.map_err(|error| Refused {
+            let folder = path.parent().unwrap_or_else(|| Path::new("."));
+            fs::create_dir_all(folder).map_err(|error| Refused {
                 exit: Exit::File,
-                message: format!("error: {}: {}", path.display(), words(&error)),
+                message: format!("error: {}: {}", folder.display(), words(&error)),
             })?;
+            write_new(
+                path,
+                text,
+                "give the case another name with `--name`, or `--into` a folder",
+            )?;
         }
         Ok(())
     }
@@ -145,11 +149,6 @@ impl Files {
             names.case,
         )
     }
-}
-
-fn write_new(path: &Path, text: &str) -> std::io::Result<()> {
-    fs::create_dir_all(path.parent().unwrap_or_else(|| Path::new(".")))?;
-    File::options().write(true).create_new(true).open(path)?.write_all(text.as_bytes())
 }
 
 /// Tries a case.
