@@ -37,6 +37,14 @@ pub(super) fn run(args: &WaiveArgs) -> Result<Exit, Refused> {
             counted(count, "undecided instance")
         ),
     }
+    let lenient: usize = runs.iter().map(left_out_by_grade).sum();
+    if lenient > 0 {
+        complain!(
+            "note: {} left out: the run was graded lenient, in which LENIENT is green; from a run \
+             with `--grade strict` they are waived",
+            counted(lenient, "LENIENT instance")
+        );
+    }
     match &args.out {
         None => say(&text),
         Some(out) => {
@@ -50,6 +58,12 @@ pub(super) fn run(args: &WaiveArgs) -> Result<Exit, Refused> {
         }
     }
     Ok(Exit::Green)
+}
+
+/// How many instances are LENIENT and green by the grade of the run.
+fn left_out_by_grade(run: &Run) -> usize {
+    let lenient = |verdict| verdict == Verdict::Lenient && !run.is_red(verdict);
+    run.cases().filter(|(_, case)| lenient(case.verdict())).count()
 }
 
 /// The run of a journal.
