@@ -16,6 +16,7 @@ use runner::stop::Stop;
 use runner::suite::{Library, Register};
 use runner::waivers::Waivers;
 
+use super::counted::counted;
 use super::dry_run;
 use super::estimate::{self, Earlier};
 use super::planned::Planned;
@@ -190,6 +191,9 @@ impl Prepared {
         for complaint in outdated {
             complain!("{}\n", harmless(&complaint.to_string()));
         }
+        if let Some(besides) = failed_besides(reporter.run(), worst) {
+            complain!("{besides}");
+        }
         forget(commons);
         worst.max(finished)
     }
@@ -252,6 +256,12 @@ fn outdated(commons: &[Common], run: &Run, selected: bool) -> Vec<Complaint> {
         complaints.extend(common.waivers.out_of_date(run, &names, selected));
     }
     complaints
+}
+
+/// What failed in a run whose exit code names the waivers alone.
+fn failed_besides(run: &Run, exit: Exit) -> Option<String> {
+    let red = run.cases().filter(|(_, case)| run.is_red(case.verdict())).count();
+    (exit == Exit::Waivers && red > 0).then(|| format!("{} failed besides", counted(red, "case")))
 }
 
 /// From which time on a run says beforehand how long it takes.
