@@ -157,7 +157,8 @@ fn a_written_device_file_is_one_to_begin_with() {
         }
         let output = run(&["init", "--target", target]);
         assert_eq!(output.status.code(), Some(2));
-        let refused = "error: device-under-test.yaml exists and is not overwritten\n";
+        let refused = "error: device-under-test.yaml exists and is not overwritten: give \
+                       `--out` another name, or remove it\n";
         assert_eq!(text(&output.stderr), refused);
     }
 }
