@@ -51,7 +51,10 @@ impl Load {
         (room > 0.0).then(|| {
             let share = bits as f64 / room * 100.0;
             let Self { percent, .. } = self;
-            format!("{frames} frames with {ID} took {share:.1} % of the wire's time; {percent} % was wanted")
+            format!(
+                "{frames} frames with {ID} took {share:.1} % of the wire's time; {percent} % was \
+                 wanted"
+            )
         })
     }
 

@@ -247,8 +247,8 @@ pub(super) struct OnInterface {
 }
 
 impl OnInterface {
-    /// Starts the program on an interface that is open. Returns when the program has sent a frame, or
-    /// has not for too long.
+    /// Starts the program on an interface that is open. Returns when the program has sent a frame,
+    /// or has not for too long.
     ///
     /// # Errors
     /// [`BusError::Open`] when one of them is not possible, or those of receiving.

@@ -59,6 +59,7 @@ impl Drop for Filler {
     }
 }
 
+#[expect(clippy::disallowed_methods, reason = "a bus backend may read a clock")]
 fn fill(socket: &CanSocket, mut pace: Pace, ended: &Receiver<()>) {
     let began = Instant::now();
     while ended.recv_timeout(EACH) == Err(RecvTimeoutError::Timeout) {
@@ -81,8 +82,8 @@ fn send(socket: &CanSocket, frames: &[Frame]) -> nix::Result<usize> {
     Ok(sent.count())
 }
 
-/// A data frame with eight bytes as the kernel's `struct can_frame`: identifier, length, three bytes
-/// of no meaning, and the data.
+/// A data frame with eight bytes as the kernel's `struct can_frame`: identifier, length, three
+/// bytes of no meaning, and the data.
 fn raw(frame: &Frame) -> [u8; 16] {
     let mut raw = [0; 16];
     raw[..4].copy_from_slice(&frame.id.raw().to_ne_bytes());
