@@ -182,8 +182,8 @@ decisions! {
         written
     }
 
-    /// The point that becomes the virtual zero, as a share of the range: where the signal is, within
-    /// the limits or not (7.11).
+    /// The point that becomes the virtual zero, as a share of the range: where the signal is, even
+    /// beyond the limits (7.11).
     fn virtual_zero(&self, share: f64) -> f64 {
         share
     }
