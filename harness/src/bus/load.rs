@@ -40,7 +40,7 @@ impl Load {
     /// What is wanted, as a sentence.
     pub(crate) fn wanted(&self) -> String {
         let Self { percent, bit_rate, .. } = self;
-        format!("frames with {ID} load the bus by {percent} % of {bit_rate} bit/s (--load)")
+        format!("frames with {ID}h load the bus by {percent} % of {bit_rate} bit/s (--load)")
     }
 
     /// What came of it so far, as a sentence; `None` before any frame was sent.
@@ -52,7 +52,7 @@ impl Load {
             let share = bits as f64 / room * 100.0;
             let Self { percent, .. } = self;
             format!(
-                "{frames} frames with {ID} took {share:.1} % of the wire's time; {percent} % was \
+                "{frames} frames with {ID}h took {share:.1} % of the wire's time; {percent} % was \
                  wanted"
             )
         })

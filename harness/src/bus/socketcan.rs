@@ -235,7 +235,10 @@ impl Bus for SocketCan {
     /// [`BusError::Interrupted`].
     fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
         if self.filler.is_some() && frame.id == load::ID && !frame.remote {
-            return Err(BusError::Withheld(format!("{} belongs to the load of the bus", load::ID)));
+            return Err(BusError::Withheld(format!(
+                "{}h belongs to the load of the bus",
+                load::ID
+            )));
         }
         let raw = encode(frame);
         let mut give_up = None;
