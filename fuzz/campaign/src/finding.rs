@@ -19,7 +19,7 @@ pub struct Finding {
     pub said: Option<String>,
     /// The freedoms that it was believed to use then, by their places in the blueprint.
     pub used: Vec<usize>,
-    /// Whether its session was made shorter.
+    /// Whether a shorter session was looked for.
     pub shrunk: bool,
 }
 

@@ -43,7 +43,7 @@ impl Load {
         format!("frames with {ID}h load the bus by {percent} % of {bit_rate} bit/s (--load)")
     }
 
-    /// What came of it so far, as a sentence; `None` before any frame was sent.
+    /// What came of it so far, as a sentence; `None` before it began.
     pub(crate) fn came(&self) -> Option<String> {
         let Carried { frames, bits, micros } = &*self.carried;
         let [frames, bits, micros] = [frames, bits, micros].map(|it| it.load(Ordering::Relaxed));

@@ -42,8 +42,7 @@ pub(super) fn target(
         return Err(nobody_beside(load, name, selection.node));
     }
     let found = only(found, name, selection.node)?;
-    let load =
-        selection.load.map(|percent| Load::new(percent, bit_rate.unwrap_or(DEFAULT_BIT_RATE)));
+    let load = load(selection.load, bit_rate, name)?;
     // An adapter that echoes is recognised by its first frames.
     let times = bus.remark();
     let of_bus = times.into_iter().chain(load.as_ref().map(Load::wanted)).collect();
@@ -74,6 +73,21 @@ pub(super) fn target(
     let lengths = value_lengths(&mut *bus, &dut);
     dut.lengths = lengths.map_err(|error| Refused::bus(error.to_string()))?;
     Ok(Target { dut, rig, connection: Connection::Interface(interface.clone()), load, options })
+}
+
+/// The load of a bus, which is a share of its bit rate.
+///
+/// # Errors
+/// When nobody knows the bit rate: on a slower bus it would leave no room.
+fn load(percent: Option<u8>, bit_rate: Option<u32>, name: &str) -> Result<Option<Load>, Refused> {
+    match (percent, bit_rate) {
+        (None, _) => Ok(None),
+        (Some(percent), Some(bit_rate)) => Ok(Some(Load::new(percent, bit_rate))),
+        (Some(_), None) => Err(Refused::usage(format!(
+            "--load is a share of the bit rate, and that of {name} is not known: say it with \
+             --bitrate"
+        ))),
+    }
 }
 
 /// The refusal of a load where there is no interface that several programs send on.
@@ -130,4 +144,17 @@ fn nobody_beside(load: Option<String>, interface: &str, node: Option<u8>) -> Ref
          candump -e {interface},0:0,#FFFFFFFF\n  \
          harness serve drr460 --target {interface}"
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bus_without_a_known_bit_rate_is_not_loaded() {
+        let refused = load(Some(60), None, "can0").unwrap_err();
+        assert!(refused.message.contains("that of can0 is not known"), "{}", refused.message);
+        assert!(load(Some(60), Some(125_000), "can0").unwrap().is_some());
+        assert!(load(None, None, "can0").unwrap().is_none());
+    }
 }
