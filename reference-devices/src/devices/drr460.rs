@@ -211,7 +211,7 @@ impl Drr460 {
         self.show_outcome(outcome, od);
         self.memory.keep(od);
         // What was measured belongs to an output that has changed since.
-        self.changed |= self.controller.switched_load(self.inputs.master.is_some(), &self.settings);
+        self.changed |= self.controller.switched_load(&self.settings);
         let between = self.rules.control_cycle();
         let wait = match self.is_settled() {
             true => self

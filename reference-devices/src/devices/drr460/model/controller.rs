@@ -121,6 +121,8 @@ pub(crate) struct Controller {
     is_automatic: bool,
     functions: Option<Functions>,
     terminals: Terminals,
+    /// The output of the load that is measured is on, with the wiring that the terminals have.
+    load_is_on: bool,
 }
 
 /// The cycles of the command and of the alarms.
@@ -152,7 +154,7 @@ impl Controller {
         let measured = self.measure(inputs, settings, elapsed, rules);
         let Measured { process, error, .. } = measured;
         if let Some(master) = inputs.master {
-            return self.expand(master, measured, inputs, rules);
+            return self.expand(master, measured, inputs, settings, rules);
         }
         let set_point = self.set_point(inputs, process, settings, rules);
         let broken = rules.is_break(measured.sensor_error, error);
@@ -192,8 +194,8 @@ impl Controller {
     ) -> Measured {
         let connected = (inputs.connected, inputs.terminals);
         let reading = self.input.sample(connected, &settings.reading, elapsed, rules);
-        let on = self.drives_load(inputs.master.is_some(), settings);
-        self.transformer.step((inputs.milliamperes, on), &settings.current, rules);
+        let current = (inputs.milliamperes, self.load_is_on);
+        self.transformer.step(current, &settings.current, rules);
         let repaired = rules.repair_is_seen(inputs.running, self.was_manual);
         self.broken = reading.is_error || self.broken && !repaired;
         let seen = (self.broken, settings.is_thermocouple, inputs.terminals);
@@ -207,21 +209,9 @@ impl Controller {
         }
     }
 
-    /// Whether the output of the load that is measured is on: that of the command, or in expansion
-    /// mode the one that sub 131 selects.
-    fn drives_load(&self, is_expansion: bool, settings: &Settings) -> bool {
-        let contacts = self.terminals.contacts;
-        match settings.wiring.command {
-            _ if is_expansion => contacts[settings.current.output],
-            Command::Contact | Command::Valve => contacts[0],
-            Command::Analogue => self.terminals.microamperes > settings.wiring.lowest(),
-        }
-    }
-
-    /// Whether that output is in another state than when the load was measured last.
-    pub(crate) fn switched_load(&self, is_expansion: bool, settings: &Settings) -> bool {
-        let on = self.drives_load(is_expansion, settings);
-        settings.current.enabled && self.transformer.was_on() != on
+    /// Whether the output of the load is in another state than when the load was measured last.
+    pub(crate) fn switched_load(&self, settings: &Settings) -> bool {
+        settings.current.enabled && self.transformer.was_on() != self.load_is_on
     }
 
     /// The master has the outputs, and nothing is controlled.
@@ -230,10 +220,12 @@ impl Controller {
         master: Terminals,
         measured: Measured,
         inputs: &Inputs,
+        settings: &Settings,
         rules: &Rules,
     ) -> Outcome {
         self.functions = None;
         self.terminals = master;
+        self.load_is_on = master.contacts[settings.current.output];
         self.running = false;
         self.output = 0.0;
         self.cooling = 0.0;
@@ -571,6 +563,10 @@ impl Controller {
         }
         functions.valve = self.valve.motion();
         self.terminals = settings.wiring.connect(functions, rules);
+        self.load_is_on = match settings.wiring.command {
+            Command::Contact | Command::Valve => self.terminals.contacts[0],
+            Command::Analogue => self.terminals.microamperes > settings.wiring.lowest(),
+        };
     }
 }
 
@@ -703,6 +699,19 @@ mod tests {
         assert_eq!(fixture.at(25.0).output, 0.25);
         let outcome = fixture.at(2000.0);
         assert_eq!((outcome.output, outcome.manual), (0.25, true));
+    }
+
+    #[test]
+    fn another_command_output_is_no_short_circuit_of_the_load() {
+        let mut list = vec![(19, 2), (90, 1), (91, 50), (92, 100)];
+        let mut fixture = Fixture::new(&list);
+        fixture.inputs.set_point = 500;
+        fixture.at(25.0);
+        fixture.inputs.milliamperes = 20.0;
+        assert_eq!((fixture.at(25.0).flags, fixture.contacts()[0]), (0, true));
+        list.push((16, 4));
+        fixture.settings = Fixture::new(&list).settings;
+        assert_eq!((fixture.at(25.0).flags, fixture.contacts()[0]), (0, false));
     }
 
     #[test]
