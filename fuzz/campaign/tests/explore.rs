@@ -71,12 +71,9 @@ fn what_a_document_leaves_open_is_learnt() {
     }
 }
 
-/// With the links in each other's place alone, the type would be refused without its link; with the
-/// other freedom alone, the alarm would be active.
-#[test]
-fn freedoms_that_only_together_explain_something_are_learnt() {
-    let device = devices::device("em66").unwrap();
-    let both = ["type-before-link", "alarm-links-change-places"];
+/// Whether a device with two freedoms is understood by what these actions show.
+fn learns(name: &str, mut both: [&str; 2], actions: &str) {
+    let device = devices::device(name).unwrap();
     let freedoms = freedom::of(&device).unwrap();
     let mixture = freedom::mixture(freedoms.iter().filter(|known| both.contains(&&*known.name)));
     let node = device.description.default_node;
@@ -84,18 +81,42 @@ fn freedoms_that_only_together_explain_something_are_learnt() {
     let mut stage = VirtualDevice::new(mixture.build(&device, node).unwrap(), bit_rate);
     let blueprint = Blueprint::of_reference(&device, node, bit_rate).unwrap();
     let mut belief = Belief::new(&blueprint, Vec::new()).unwrap();
-    let answered = r#""then": { "answers": { "id": 1474, "count": 1 } }"#;
-    let text = format!(
-        r#"[ {{ "does": "download", "frames": ["642#23D0650110010074"], {answered} }},
-             {{ "does": "download", "frames": ["642#2FD8650102000000"], {answered} }} ]"#
-    );
-    let session: Session = serde_json::from_str(&text).unwrap();
+    let session: Session = serde_json::from_str(actions).unwrap();
     let script = Script::Actions(&session.actions);
     let seen = stage.play(&blueprint, belief.model(), &script).unwrap().seen;
     assert_eq!(belief.explain(&seen), Judged::Learnt);
     let mut learnt: Vec<&str> = belief.freedoms().map(|freedom| &*freedom.name).collect();
     learnt.sort_unstable();
-    assert_eq!(learnt, ["alarm-links-change-places", "type-before-link"]);
+    both.sort_unstable();
+    assert_eq!(learnt, both);
+}
+
+/// With the links in each other's place alone, the type would be refused without its link; with the
+/// other freedom alone, the alarm would be active.
+#[test]
+fn freedoms_that_only_together_explain_something_are_learnt() {
+    let answered = r#""then": { "answers": { "id": 1474, "count": 1 } }"#;
+    let actions = format!(
+        r#"[ {{ "does": "download", "frames": ["642#23D0650110010074"], {answered} }},
+             {{ "does": "download", "frames": ["642#2FD8650102000000"], {answered} }} ]"#
+    );
+    learns("em66", ["type-before-link", "alarm-links-change-places"], &actions);
+}
+
+/// An automatic tuning begins far above its set point, and the sensor breaks meanwhile. Alone, one
+/// that waits for the sensor has no swing, and one that takes an overshoot is at its end.
+#[test]
+fn freedoms_that_were_both_asked_before_are_learnt_together() {
+    let answered = r#""then": { "answers": { "id": 1409, "count": 1 } }"#;
+    let process = r#""does": "stimulate", "then": { "wait": 150000 }"#;
+    let named = r#""bench": { "name": "input-temperature-1", "value""#;
+    let actions = format!(
+        r#"[ {{ "does": "download", "frames": ["601#2B00301F01000000"], {answered} }},
+             {{ "does": "download", "frames": ["601#2B004000D08A0000"], {answered} }},
+             {{ {process}, {named}: "-338.45" }} }},
+             {{ {process}, {named}: "-1" }} }} ]"#
+    );
+    learns("drr460", ["tuning-by-one-overshoot", "tuning-waits-for-the-sensor"], &actions);
 }
 
 #[test]
