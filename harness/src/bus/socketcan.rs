@@ -4,6 +4,7 @@
 mod bell;
 mod fault;
 mod filler;
+mod pace;
 mod stamp;
 
 use std::collections::VecDeque;

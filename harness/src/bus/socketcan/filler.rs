@@ -11,7 +11,8 @@ use nix::libc::{CAN_EFF_FLAG, CAN_RTR_FLAG, CAN_SFF_MASK};
 use nix::sys::socket::{MsgFlags, MultiHeaders, sendmmsg};
 use socketcan::{CanFilter, CanSocket, Socket, SocketOptions};
 
-use crate::bus::load::{ID, Load, Pace};
+use super::pace::Pace;
+use crate::bus::load::{ID, Load};
 
 /// A load on an interface, until it is dropped.
 #[derive(Debug)]
@@ -35,7 +36,7 @@ impl Filler {
         own.set_filter_drop_all()?;
         own.set_nonblocking(true)?;
         let (ends, ended) = channel();
-        let pace = load.pace();
+        let pace = Pace::of(load);
         let thread = thread::Builder::new().name("load".to_owned());
         let thread = thread.spawn(move || fill(&own, pace, &ended))?;
         Ok(Self { ends: Some(ends), thread: Some(thread) })
