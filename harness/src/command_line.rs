@@ -164,9 +164,15 @@ mod tests {
 
     #[test]
     fn paths_are_relative_to_the_file_unless_a_folder_is_said() {
-        let from = |command| read(command).from(|path| Path::new("there").join(path)).to_string();
-        assert_eq!(from("A=./x a/node -c b/y name"), "A=./x there/a/node -c there/b/y name");
-        assert_eq!(from("cd build && ./node -c ./y"), "cd there/build && ./node -c ./y");
-        assert_eq!(from("'my/own node'"), "'there/my/own node'");
+        let there = |path: &Path| Path::new("there").join(path);
+        let from = |command| read(command).from(there);
+        let word = |path: &str| there(path.as_ref()).display().to_string();
+        let line = from("A=./x a/node -c b/y name");
+        assert_eq!(line.words, [&*word("a/node"), "-c", &word("b/y"), "name"]);
+        assert_eq!(line.environment, [("A".to_owned(), "./x".to_owned())]);
+        let line = from("cd build && ./node -c ./y");
+        assert_eq!(line.folder, Some(there("build".as_ref())));
+        assert_eq!(line.words, ["./node", "-c", "./y"]);
+        assert_eq!(from("'my/own node'").words, [word("my/own node")]);
     }
 }

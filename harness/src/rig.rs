@@ -437,6 +437,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg_attr(windows, ignore = "Wine has no such sockets")]
     fn a_rig_behind_a_socket_is_a_bench() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("bench");
@@ -460,6 +461,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg_attr(windows, ignore = "Wine has no such sockets")]
     fn a_socket_that_is_opened_again_is_the_same_bench() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("bench");
