@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, Read, Write};
-use std::path::Path;
+use std::path::{MAIN_SEPARATOR, Path};
 use std::sync::Arc;
 
 use crate::exit::{Exit, Refused};
@@ -127,7 +127,7 @@ pub(crate) fn read_text(path: &Path) -> io::Result<String> {
 /// # Errors
 /// As [`read_text`], as a complaint about the file.
 pub(crate) fn read_source(path: &Path) -> Result<Arc<Source>, Complaint> {
-    let name = path.display().to_string();
+    let name = shown(path);
     match read_text(path) {
         Ok(text) => Ok(Arc::new(Source { name, text: text.into() })),
         Err(error) => {
@@ -173,9 +173,9 @@ pub(crate) fn texts_in(folder: &Path, root: &Path) -> Result<BTreeMap<String, St
     Ok(texts.collect())
 }
 
-/// A path as it is written everywhere.
+/// A path as it is written everywhere: suites and waivers of one system are read on another one.
 pub(crate) fn shown(path: &Path) -> String {
-    path.to_string_lossy().replace('\\', "/")
+    path.to_string_lossy().replace(MAIN_SEPARATOR, "/")
 }
 
 /// Bytes as a text.

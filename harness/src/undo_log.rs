@@ -13,7 +13,7 @@ use runner::plan::parse_bytes;
 use runner::run::{Address, KeepChanges, Snapshot, differs};
 use serde::{Deserialize, Serialize};
 
-use crate::files::{read_text, words, write_synced};
+use crate::files::{read_text, shown, words, write_synced};
 use crate::system;
 
 /// The device that the log is about.
@@ -211,7 +211,7 @@ pub(crate) fn each(folder: &Path) -> Vec<(String, Result<Changes, String>)> {
 /// Why it cannot be read.
 pub(crate) fn read(folder: &Path, name: &str) -> Result<Changes, String> {
     let path = find(folder, name);
-    let said = |why: String| format!("{}: {why}", path.display());
+    let said = |why: String| format!("{}: {why}", shown(&path));
     let text = read_text(&path).map_err(|error| said(words(&error)))?;
     serde_json::from_str(&text).map_err(|_| said("this is not an undo log".to_owned()))
 }

@@ -19,7 +19,7 @@ use super::reference::reference_device;
 use super::scan::Found;
 use super::{DEFAULT_BIT_RATE, Selection};
 use crate::exit::{Exit, Refused};
-use crate::files::{LARGEST, read, words};
+use crate::files::{LARGEST, read, shown, words};
 use crate::plugged::Plugged;
 
 /// The data sheets of the reference devices of the same vendor and product, by the
@@ -44,7 +44,7 @@ pub(crate) fn read_eds(path: &Path, modules: &Plugged) -> Result<(Sheet, Eds), R
         exit: Exit::File,
         message: format!("error: {}: {}", path.display(), words(&error)),
     })?;
-    let name = path.display().to_string();
+    let name = shown(path);
     let connected = modules.of_sheet(&name, &bytes)?;
     let (sheet, eds) = Sheet::read_with_modules(name, &bytes, connected);
     if sheet.diagnostics.iter().any(|found| found.severity == Severity::Error) {

@@ -32,7 +32,9 @@ use common::{harness, project};
 use markdown::{Block, Page};
 use wildcards::matches;
 
+/// The commands are those of a shell of Unix.
 #[test]
+#[cfg(unix)]
 fn every_command_does_what_the_guide_says() {
     let pages = guide();
     let next = Mutex::new(pages.iter());

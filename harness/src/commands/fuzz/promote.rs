@@ -22,7 +22,7 @@ use super::stage::{Place, target_of};
 use crate::cli::PromoteArgs;
 use crate::commands::run::undo;
 use crate::exit::{Exit, Refused};
-use crate::files::{words, write_new};
+use crate::files::{shown, words, write_new};
 use crate::reporter::say;
 use crate::source::Source;
 use crate::target::{self, DEFAULT_BIT_RATE, Selection, Target};
@@ -116,7 +116,7 @@ impl Files {
 
     fn sources(&self) -> impl Iterator<Item = Arc<Source>> {
         let source = |(path, text): &(PathBuf, String)| {
-            Arc::new(Source { name: path.display().to_string(), text: text.clone().into() })
+            Arc::new(Source { name: shown(path), text: text.clone().into() })
         };
         [&self.suite, &self.register].into_iter().map(source)
     }
@@ -139,7 +139,7 @@ impl Files {
     }
 
     fn said(&self, names: &Names<'_>, selection: &Selection) -> String {
-        let (suite, register) = (self.suite.0.display(), self.register.0.display());
+        let (suite, register) = (shown(&self.suite.0), shown(&self.register.0));
         let into = self.suite.0.parent().and_then(Path::parent).unwrap_or_else(|| Path::new("."));
         format!(
             "{suite}\n{register}\nred on the device, green on a model of it and with each \
