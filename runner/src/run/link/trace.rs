@@ -164,6 +164,11 @@ impl<'b> Link<'b> {
         self.mark
     }
 
+    /// Until when frames were sent during the last steps, when the next step starts before that.
+    pub(in crate::run) fn still_sent(&self) -> Option<Instant> {
+        (self.busy > self.mark).then_some(self.busy)
+    }
+
     /// The time on the bus, which may be later than where the next step starts.
     pub fn now(&mut self) -> Instant {
         self.bus.now().max(self.mark)

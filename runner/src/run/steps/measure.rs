@@ -19,7 +19,7 @@ const UNBOUNDED_PATIENCE: Duration = Duration::from_secs(10);
 impl Steps<'_, '_> {
     pub(super) fn measure(&mut self, measure: &Measure) -> Judgement {
         let pattern = self.pattern(&measure.frame)?;
-        let start = self.link.mark();
+        let start = self.begin(measure.during.as_ref())?;
         self.stimulate(measure.during.as_ref())?;
         let sent = self.link.mark().max(start);
         self.link_rewind(measure.during.is_some(), start);
@@ -139,7 +139,7 @@ impl Steps<'_, '_> {
         let pattern = self.pattern(&collect.frame)?;
         let wanted = self.scope.int(&collect.count.value).map_err(Trouble::Impossible)?;
         let time = self.time(&collect.time)? + self.policy.slow_wire;
-        let start = self.link.mark();
+        let start = self.begin(collect.during.as_ref())?;
         self.stimulate(collect.during.as_ref())?;
         let until = self.link.mark() + time;
         self.link_rewind(collect.during.is_some(), start);

@@ -134,7 +134,10 @@ impl Steps<'_, '_> {
             Step::Measure(measure) => self.measure(measure),
             Step::Collect(collect) => self.collect(collect),
             Step::Sync(sync) => self.sync(sync),
-            Step::Produce(produce) => self.produce(produce).map(|()| None),
+            Step::Produce(produce) => {
+                self.begin(Some(produce))?;
+                self.produce(produce).map(|()| None)
+            }
             Step::Bench(stimuli) => self.stimulate_bench(stimuli),
             Step::Observe(observe) => self.observe(observe),
             Step::Partner(partner) => self.partner(partner),
@@ -264,7 +267,7 @@ impl Steps<'_, '_> {
             patterns.push(self.pattern(text)?);
         }
         let within = self.time(&expect.within)? + self.policy.slow_wire;
-        let start = self.link.mark();
+        let start = self.begin(expect.during.as_ref())?;
         let fits = |seen: &Stamped| {
             !seen.own && patterns.iter().any(|pattern| pattern.matches(&seen.frame))
         };
@@ -370,7 +373,7 @@ impl Steps<'_, '_> {
     fn never(&mut self, never: &Never) -> Judgement {
         let pattern = self.pattern(&never.frame)?;
         let time = self.time(&never.time)?;
-        let start = self.link.mark();
+        let start = self.begin(never.during.as_ref())?;
         self.stimulate(never.during.as_ref())?;
         let until = self.link.mark() + time;
         self.link_rewind(never.during.is_some(), start);
@@ -418,8 +421,24 @@ impl Steps<'_, '_> {
         let every = self.optional_time(&step.every, DEFAULT_SYNC_PERIOD)?;
         let cob_id = self.dut.default_int(COB_ID_SYNC).map(|cob_id| CobId(cob_id as u32).can_id());
         let frame = Frame::new(cob_id.unwrap_or_else(|| sync::COB_ID.into()), []);
+        self.ends_sending(every)?;
         self.repeat(&frame, step.count, every)?;
         Ok(None)
+    }
+
+    /// When a step starts during which frames may be sent.
+    pub(super) fn begin(&mut self, during: Option<&Produce>) -> Result<Instant, Trouble> {
+        if let Some(during) = during {
+            let every = self.time(&during.every)?;
+            self.ends_sending(every)?;
+        }
+        Ok(self.link.mark())
+    }
+
+    /// A step may end before all frames were sent that are sent during it. Those of the next step
+    /// come after them, in their own distance.
+    fn ends_sending(&mut self, every: Duration) -> Result<(), BusError> {
+        self.link.still_sent().map_or(Ok(()), |last| self.link.wait(last + every))
     }
 
     fn produce(&mut self, produce: &Produce) -> Result<(), Trouble> {
