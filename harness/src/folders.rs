@@ -77,9 +77,9 @@ impl Folders {
         Library::from_sources(&self.sources()?, &self.catalogue.load()?)
     }
 
-    /// Loads the suites that the patterns name and those of the user, which are checked whenever
-    /// they are read, and says whether these are not all. All are loaded where the names of files
-    /// do not tell which suites a pattern names.
+    /// Loads the suites that the patterns name, those that prove what these rely on, and those of
+    /// the user, which are checked whenever they are read, and says whether these are not all. All
+    /// are loaded where the names of files do not tell which suites a pattern names.
     ///
     /// # Errors
     /// Every complaint about these files.
@@ -87,7 +87,7 @@ impl Folders {
         &self,
         patterns: &[String],
     ) -> Result<(Library, bool), Vec<Complaint>> {
-        let (mut sources, own) = self.with_own()?;
+        let (sources, own) = self.with_own()?;
         let catalogue = self.catalogue.load()?;
         let others = |source: &Arc<Source>| is_suite(source) && !own.contains(&source.name);
         let are_named = |pattern: &String| {
@@ -96,10 +96,19 @@ impl Folders {
         if patterns.is_empty() || !patterns.iter().all(are_named) {
             return Ok((Library::from_sources(&sources, &catalogue)?, false));
         }
-        sources.retain(|source| {
-            !others(source) || patterns.iter().any(|pattern| may_name(pattern, source))
-        });
-        Ok((Library::from_part(&sources, &catalogue)?, true))
+        let asked = |source: &Arc<Source>| patterns.iter().any(|name| may_name(name, source));
+        let (mut part, mut rest): (Vec<_>, Vec<_>) =
+            sources.into_iter().partition(|source| !others(source) || asked(source));
+        loop {
+            let library = Library::from_part(&part, &catalogue)?;
+            let relied = library.relied_on();
+            let proves = |source: &Arc<Source>| relied.iter().any(|id| checks(source, id));
+            let (proofs, others) = rest.into_iter().partition::<Vec<_>, _>(proves);
+            if proofs.is_empty() {
+                return Ok((library, true));
+            }
+            (part, rest) = ([part, proofs].concat(), others);
+        }
     }
 
     /// Loads of these folders the wanted suites, with what they may share and the register.
@@ -201,6 +210,14 @@ fn may_name(pattern: &str, source: &Source) -> bool {
         whole.strip_prefix(part).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
     };
     below(name, pattern.trim_end_matches('/')) || below(pattern, name)
+}
+
+/// Whether a case of the suite may check the requirement, as far as its text tells.
+fn checks(source: &Source, id: &str) -> bool {
+    source.text.match_indices(id).any(|(place, _)| {
+        let before = &source.text[..place];
+        before.rfind("checks:") > before.rfind("relies-on:")
+    })
 }
 
 /// Whether these are other files, or say something else.

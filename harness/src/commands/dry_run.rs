@@ -92,6 +92,8 @@ struct Sum {
     /// For each protection, the cases that it skips, and what each would do.
     protected: BTreeMap<String, Vec<String>>,
     running: usize,
+    /// The cases that run only where another one fails.
+    witnesses: usize,
     skipped: usize,
     asks_for_blocks: bool,
 }
@@ -108,7 +110,10 @@ impl Sum {
             let skip = instance.skip().map(|reason| (reason.clone(), is_protected));
             let exceeded = || plan.dut.protection.exceeded(&deeds).map(|reason| (reason, true));
             match skip.or_else(exceeded) {
-                None => sum.runs(&deeds, plan),
+                None => {
+                    sum.running += 1;
+                    sum.does(&deeds, plan);
+                }
                 Some((reason, protected)) => {
                     sum.skipped += 1;
                     let (deed, by) = reason.split_once(PROTECTED_BY).unwrap_or(("", &reason));
@@ -120,11 +125,17 @@ impl Sum {
             }
             sum.asks_for_blocks |= instance.blocks().download;
         }
+        for witness in &plan.witnesses {
+            let deeds = deeds(witness, &plan.dut);
+            if plan.dut.protection.exceeded(&deeds).is_none() {
+                sum.witnesses += 1;
+                sum.does(&deeds, plan);
+            }
+        }
         sum
     }
 
-    fn runs(&mut self, deeds: &[Deed], plan: &Plan) {
-        self.running += 1;
+    fn does(&mut self, deeds: &[Deed], plan: &Plan) {
         for deed in deeds {
             plan.dut.protection.spend(*deed);
             if let Some(index @ (0x1010 | 0x1011)) = deed.written() {
@@ -157,6 +168,13 @@ fn report(plan: &Plan, verbose: bool) -> String {
         counted(sum.running, "case"),
         sum.skipped,
     );
+    if sum.witnesses > 0 {
+        _ = writeln!(
+            text,
+            "where one of these fails, {} on which it may rely would run, too",
+            counted(sum.witnesses, "more case"),
+        );
+    }
     objects(&mut text, &sum, dut);
     resets(&mut text, &sum, dut);
     services(&mut text, &sum);

@@ -140,7 +140,7 @@ fn rehearse(library: &Library, plan: &Plan, stop: &Stop) -> Option<Times> {
         hooks: Hooks::default(),
         ..plan.dut.clone()
     };
-    let plan = Plan { dut, instances: plan.instances.clone(), left_out: BTreeMap::new() };
+    let plan = Plan::of(dut, plan.instances.clone());
     let undo = Undo::default();
     let session = Session::new(&plan, &library.register, bit_rate, stop, &undo);
     let (mut cases, mut open) = (HashMap::new(), None::<(String, Instant)>);

@@ -36,9 +36,9 @@ pub(super) fn select<'s>(
     for (plans, Selection { patterns, .. }) in all.iter_mut().zip(selections) {
         plans.iter_mut().for_each(|plan| match patterns.is_empty() {
             true => plan.leave_out_foreign(),
-            false => plan
-                .instances
-                .retain(|instance| patterns.iter().any(|pattern| names(pattern, instance))),
+            false => {
+                plan.ask_for(|instance| patterns.iter().any(|pattern| names(pattern, instance)))
+            }
         });
     }
     Ok(())

@@ -84,7 +84,7 @@ pub fn plan_cases(
     // There are thousands, of several devices at a time.
     instances.shrink_to_fit();
     match complaints.is_empty() {
-        true => Ok(Plan { dut, instances, left_out: BTreeMap::new() }),
+        true => Ok(Plan::of(dut, instances)),
         false => Err(complaints),
     }
 }

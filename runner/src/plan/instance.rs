@@ -24,6 +24,9 @@ pub struct Plan {
     pub dut: Dut,
     /// The instances.
     pub instances: Vec<Instance>,
+    /// Those that are not asked for, and prove what the instances rely on. They run where one of
+    /// these fails, to tell whether the failure is its own.
+    pub witnesses: Vec<Instance>,
     /// How many cases were left out since they are about a profile that the device does not
     /// follow, by the profile.
     pub left_out: BTreeMap<String, usize>,
@@ -62,6 +65,11 @@ pub enum Fate {
 }
 
 impl Plan {
+    /// These instances for this device.
+    pub const fn of(dut: Dut, instances: Vec<Instance>) -> Self {
+        Self { dut, instances, witnesses: Vec::new(), left_out: BTreeMap::new() }
+    }
+
     /// Leaves out what is about profiles that the device does not follow.
     pub fn leave_out_foreign(&mut self) {
         let left_out = &mut self.left_out;
@@ -87,6 +95,19 @@ impl Plan {
     pub fn keep(&mut self, names: &BTreeSet<String>) {
         let kept = self.with_proofs(names);
         self.instances.retain(|instance| instance.is_one_of(&kept));
+    }
+
+    /// Keeps the instances that are asked for. Those that prove what they rely on are witnesses.
+    pub fn ask_for(&mut self, asked: impl Fn(&Instance) -> bool) {
+        let names = self.instances.iter().filter(|each| asked(each)).map(Instance::name).collect();
+        let proofs = self.with_proofs(&names);
+        for instance in std::mem::take(&mut self.instances) {
+            if asked(&instance) {
+                self.instances.push(instance);
+            } else if instance.is_one_of(&proofs) && instance.skip().is_none() {
+                self.witnesses.push(instance);
+            }
+        }
     }
 
     /// The instances, those of one case at once where they follow each other.

@@ -13,6 +13,7 @@ mod reliance;
 mod repeats;
 mod starts;
 mod turns;
+mod unrestored;
 
 use std::fmt;
 use std::sync::{Arc, LazyLock};
@@ -402,7 +403,10 @@ impl Session<'_> {
                 link.emit(ended(link, &started, outcome));
                 continue;
             }
-            let finished = self.repeated(link, common, instance, left);
+            let mut finished = self.repeated(link, common, instance, left);
+            if reliance::is_failure(&finished.outcome) {
+                self.hear(link, common, &mut reliance, instance, &mut finished.aftermath, blocks);
+            }
             let aftermath = finished.aftermath.clone();
             let outcome = self.report(link, &mut reliance, instance, &started, finished);
             failed += usize::from(matches!(outcome, Outcome::Fail(_)));
@@ -423,6 +427,34 @@ impl Session<'_> {
             }
         }
         gone.map_or(Ending::Complete, Ending::Gone)
+    }
+
+    /// Runs the witnesses of a case that failed, as far as the device bears them and is there.
+    fn hear(
+        &self,
+        link: &mut Link,
+        common: Common,
+        reliance: &mut Reliance<'_>,
+        failed: &Instance,
+        aftermath: &mut Aftermath,
+        blocks: BlockDirections,
+    ) {
+        let unobserved = Common { observer: &Unobserved, ..common };
+        for witness in reliance.witnesses_of(failed) {
+            let Aftermath::Left(left) = *aftermath else { return };
+            if self.excused(witness, common.baseline, blocks).is_some() {
+                continue;
+            }
+            let blocked = reliance.blocks(witness).map(Outcome::Blocked);
+            let outcome = blocked.unwrap_or_else(|| {
+                let text = format!("it failed, and relies on what {} shows", witness.name());
+                link.emit(Event::Note(Note { at: link.mark(), text }));
+                let ran = attempts::run(link, unobserved, witness, left);
+                *aftermath = ran.aftermath;
+                self.at_its_level(witness, reliance.judged(witness, ran.outcome))
+            });
+            reliance.learn(witness, &outcome);
+        }
     }
 
     /// Runs once more what showed that a requirement does not hold, before the first case that this
@@ -455,6 +487,7 @@ impl Session<'_> {
         let outcome = reliance.judged(instance, finished.outcome);
         let outcome = self.at_its_level(instance, outcome);
         reliance.learn(instance, &outcome);
+        reliance.unrestored.after(instance, &self.undo.left());
         if matches!(finished.aftermath, Aftermath::Gone(_)) {
             self.say_ways_back(link);
         }

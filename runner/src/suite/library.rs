@@ -58,6 +58,14 @@ impl Library {
         Self::of_sources(sources, catalogue, true)
     }
 
+    /// The requirements that the cases rely on.
+    pub fn relied_on(&self) -> BTreeSet<&str> {
+        let of_suites = self.suites.iter().flat_map(|suite| &suite.file.relies_on);
+        let cases = self.suites.iter().flat_map(|suite| &suite.file.cases);
+        let of_cases = cases.flat_map(|case| &case.value.relies_on);
+        of_suites.chain(of_cases).map(|id| &*id.value).collect()
+    }
+
     fn of_sources(
         sources: &[Arc<Source>],
         catalogue: &Arc<Catalogue>,

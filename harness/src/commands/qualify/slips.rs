@@ -151,7 +151,7 @@ impl Search {
         let mut left = 1 + RUNS * self.open.len();
         // Most searches are over long before.
         let instances = vec![instance.clone(); left.min(AT_ONCE)];
-        let plan = Plan { dut: clean.target.dut.clone(), instances, left_out: BTreeMap::new() };
+        let plan = Plan::of(clean.target.dut.clone(), instances);
         let (stop, undo) = (Stop::default(), Undo::default());
         let tape = Rc::new(Tape::default());
         let mut bus = SlippingBus::new(clean.target.open(&stop)?, Rc::clone(&tape));

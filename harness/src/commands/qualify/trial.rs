@@ -1,7 +1,7 @@
 //! Plans on devices in virtual time, and the result of each instance.
 
 use std::cell::RefCell;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
@@ -114,7 +114,7 @@ impl<'l> Clean<'l> {
         let mut clean = Self::planned(library, name)?;
         let instances = clean.plan.instances.iter().filter(|instance| fits(instance.case()));
         let (dut, instances) = (clean.plan.dut.clone(), instances.cloned().collect());
-        let fitting = Plan { dut, instances, left_out: BTreeMap::new() };
+        let fitting = Plan::of(dut, instances);
         clean.trials = run(library, &fitting, &clean.target, &mut |_| ())?.0;
         Ok(clean)
     }
@@ -243,7 +243,7 @@ impl<'l> Clean<'l> {
             false => {
                 let all = self.plan.instances.iter();
                 let instances = all.filter(|instance| holds(instance)).cloned().collect();
-                Plan { dut: target.dut.clone(), instances, left_out: BTreeMap::new() }
+                Plan::of(target.dut.clone(), instances)
             }
         };
         wanted.order(&mut plan.instances);
@@ -277,7 +277,7 @@ impl<'l> Clean<'l> {
         target: &Target,
     ) -> Result<Vec<Trial>, Refused> {
         let (dut, instances) = (plan.dut.clone(), instances.to_vec());
-        let part = Plan { dut, instances, left_out: BTreeMap::new() };
+        let part = Plan::of(dut, instances);
         Ok(run(self.library, &part, target, &mut |_| ())?.0)
     }
 }

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use reports::{Outcome, Phase, Problem};
 
+use super::unrestored::Unrestored;
 use crate::plan::{Instance, Plan};
 use crate::suite::Register;
 
@@ -17,6 +18,10 @@ pub(super) struct Reliance<'p> {
     bent: BTreeMap<&'p str, String>,
     /// The cases about them that are undecided.
     undecided: Vec<&'p Instance>,
+    /// The cases that prove them, and run where one fails that relies on them.
+    witnesses: Vec<&'p Instance>,
+    /// What earlier cases left changed.
+    pub(super) unrestored: Unrestored,
 }
 
 /// How it showed that a requirement does not hold.
@@ -33,8 +38,17 @@ impl<'p> Reliance<'p> {
     /// Nothing is known to be broken.
     pub(super) fn of(plan: &'p Plan, register: &'p Register) -> Self {
         let named = plan.by_case().flat_map(|instances| instances[0].relies_on());
-        let relied = named.chain(register.effects().map(|(_, id)| &**id)).collect();
-        Self { relied, broken: BTreeMap::new(), bent: BTreeMap::new(), undecided: Vec::new() }
+        let of_witnesses = plan.witnesses.iter().flat_map(Instance::relies_on);
+        let relied =
+            named.chain(of_witnesses).chain(register.effects().map(|(_, id)| &**id)).collect();
+        Self {
+            relied,
+            broken: BTreeMap::new(),
+            bent: BTreeMap::new(),
+            undecided: Vec::new(),
+            witnesses: in_order(plan.witnesses.iter().collect()),
+            unrestored: Unrestored::default(),
+        }
     }
 
     /// The instances, those first that prove what others rely on. Otherwise their order stays: the
@@ -42,21 +56,25 @@ impl<'p> Reliance<'p> {
     pub(super) fn order(&self, plan: &'p Plan) -> Vec<&'p Instance> {
         let (first, others): (Vec<&[Instance]>, Vec<&[Instance]>) =
             plan.by_case().partition(|instances| self.proves(&instances[0]));
-        let mut first: Vec<&Instance> = first.into_iter().flatten().collect();
-        // A case that proves one requirement may rely on another.
-        let mut ranks = BTreeMap::<&str, usize>::new();
-        for _ in 0..DEEPEST {
-            for instance in &first {
-                let rank = rank(instance, &ranks);
-                for id in checks(instance) {
-                    let known = ranks.entry(id).or_default();
-                    *known = rank.max(*known);
-                }
-            }
-        }
-        first.sort_by_cached_key(|instance| rank(instance, &ranks));
+        let mut first = in_order(first.into_iter().flatten().collect());
         first.extend(others.into_iter().flatten());
         first
+    }
+
+    /// The witnesses that tell whether a failure is its own, in their order. Each is heard once.
+    pub(super) fn witnesses_of(&mut self, instance: &Instance) -> Vec<&'p Instance> {
+        let mut relied: BTreeSet<&str> = instance.relies_on().collect();
+        // What others rely on comes first, so that those that rely on it are seen before it.
+        let (heard, others): (Vec<&Instance>, Vec<&Instance>) =
+            self.witnesses.iter().rev().partition(|witness| {
+                let tells = checks(witness).any(|id| relied.contains(id));
+                if tells {
+                    relied.extend(witness.relies_on());
+                }
+                tells
+            });
+        self.witnesses = others.into_iter().rev().collect();
+        heard.into_iter().rev().collect()
     }
 
     /// Why a case cannot say anything about the device.
@@ -87,6 +105,12 @@ impl<'p> Reliance<'p> {
     /// is excused by a requirement that is kept in another way than the setup expects; without such
     /// a witness nothing else shows what is wrong.
     pub(super) fn judged(&self, instance: &Instance, outcome: Outcome) -> Outcome {
+        // A witness that is heard afterwards may show that it should not have begun.
+        if is_failure(&outcome)
+            && let Some(why) = self.blocks(instance)
+        {
+            return Outcome::Blocked(why);
+        }
         if let Outcome::Fail(problem)
         | Outcome::Flaky { problem, .. }
         | Outcome::Error { problem: Some(problem), .. } = &outcome
@@ -97,6 +121,7 @@ impl<'p> Reliance<'p> {
                 in_a_line(problem)
             ));
         }
+        let outcome = self.unrestored.beside(outcome);
         match &outcome {
             Outcome::Error { reason, problem: Some(problem) } if problem.phase == Phase::Setup => {
                 match instance.relies_on().find_map(|id| self.bent.get_key_value(id)) {
@@ -160,10 +185,35 @@ impl<'p> Reliance<'p> {
     }
 }
 
+/// Those that prove something, after those that prove what they rely on.
+fn in_order(mut proving: Vec<&Instance>) -> Vec<&Instance> {
+    // A case that proves one requirement may rely on another.
+    let mut ranks = BTreeMap::<&str, usize>::new();
+    for _ in 0..DEEPEST {
+        for instance in &proving {
+            let rank = rank(instance, &ranks);
+            for id in checks(instance) {
+                let known = ranks.entry(id).or_default();
+                *known = rank.max(*known);
+            }
+        }
+    }
+    proving.sort_by_cached_key(|instance| rank(instance, &ranks));
+    proving
+}
+
 /// What was expected, and what came.
 fn in_a_line(problem: &Problem) -> String {
     let first = |text: &str| text.lines().next().unwrap_or_default().to_owned();
     format!("expected {}, came {}", first(&problem.expected), first(&problem.actual))
+}
+
+/// Whether a result may be the fault of what the case relies on.
+pub(super) const fn is_failure(outcome: &Outcome) -> bool {
+    matches!(
+        outcome,
+        Outcome::Fail(_) | Outcome::Flaky { .. } | Outcome::Error { problem: Some(_), .. }
+    )
 }
 
 /// Whether a requirement is kept, in another way than the usual one.
