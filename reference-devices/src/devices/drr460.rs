@@ -202,11 +202,13 @@ impl Drr460 {
         self.look();
         self.obey(od);
         let (settings, rules) = (&self.settings, &*self.rules);
-        let outcome = self.controller.decide(&self.inputs, settings, elapsed, rules);
+        let mut outcome = self.controller.decide(&self.inputs, settings, elapsed, rules);
         if let Some(found) = outcome.found {
             self.memory.tuned(found, od, &self.rules);
             od.set_int(TUNING, self.controller.tuning(&self.settings));
             self.configure(od);
+            // It controls with what was found from now on, and not by the old parameters once more.
+            outcome = self.controller.decide(&self.inputs, &self.settings, 0.0, &self.rules);
         }
         self.show_outcome(outcome, od);
         self.memory.keep(od);
