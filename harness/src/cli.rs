@@ -39,6 +39,9 @@ pub struct Cli {
     pub run: RunArgs,
 }
 
+/// After how many sessions in which something was wrong a campaign stops.
+pub(crate) const MAX_FINDINGS: usize = 20;
+
 const EXIT_CODES: &str = "\
 Exit codes: 0 green, 1 a case failed, 2 usage, 3 a file cannot be read or written, 4 nothing ran,
 5 waivers out of date, 6 bus or bench, or a case is ERROR and none failed,
@@ -517,7 +520,7 @@ pub struct CampaignArgs {
     #[arg(long, value_name = "NAME")]
     pub oracle: Option<String>,
     /// Stop after so many sessions in which something was wrong
-    #[arg(long, value_name = "N", default_value_t = 20)]
+    #[arg(long, value_name = "N", default_value_t = MAX_FINDINGS)]
     pub max_findings: usize,
     /// Begin with the freedoms that a run of this journal showed: what its LENIENT cases name
     #[arg(long, value_name = "JOURNAL")]

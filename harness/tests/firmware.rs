@@ -73,6 +73,38 @@ fn a_defect_of_the_firmware_is_found_by_fuzzing() {
     assert_eq!(exit, 0, "{said}");
 }
 
+/// A firmware that ends when data go behind a buffer, as with a sanitizer, becomes a case.
+#[test]
+fn a_firmware_that_ends_becomes_a_case() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    copy(folder);
+    let source = fs::read_to_string(folder.join("firmware.c")).expect("it is read");
+    let checked = "if (length > sizeof transfer.buffer)\n            abort();\n#ifndef OVERFLOW";
+    let checked = source.replacen("#ifndef OVERFLOW", checked, 1);
+    fs::write(folder.join("firmware.c"), checked).expect("it is written");
+    compile(folder, "firmware-defects", &["firmware.c", "-DOVERFLOW"]);
+    let sent = |does: &str, frame: String| {
+        let then = r#"{ "answers": { "id": 1413, "count": 1 } }"#;
+        format!(r#"{{ "does": "{does}", "frames": ["605#{frame}"], "then": {then} }}"#)
+    };
+    let begins = sent("download-in-segments", "2002200000000000".to_owned());
+    let segment = |toggle| sent("download-segment", format!("{toggle}041424344454647"));
+    let actions = [0, 1, 0, 1, 0].map(segment);
+    let session = format!(
+        r#"{{ "cause": "ended", "what": "the program ended", "requirements": [], "seed": 1,
+              "session": 1, "freedoms": [], "actions": [{begins}, {}],
+              "device": {{ "dut": "device-under-test.yaml",
+                           "target": "exec:./firmware-defects", "node": 5 }} }}"#,
+        actions.join(", ")
+    );
+    fs::write(folder.join("ended.json"), session).expect("it is written");
+    let (exit, said) = fuzz(folder, &["promote", "ended.json", "--into", "own"]);
+    assert_eq!(exit, 0, "{said}");
+    let case = fs::read_to_string(folder.join("own/found/ended.yaml")).expect("it is written");
+    assert!(case.contains("the program goes on"), "{case}");
+}
+
 /// The gate of `examples/ci` lets a green firmware pass, and names what is new in a red one.
 #[test]
 fn a_gate_tells_what_is_new() {

@@ -26,7 +26,7 @@ use runner::stop::Stop;
 
 use super::counted::counted;
 use crate::bus::load::Load;
-use crate::cli::{CampaignArgs, FindingArgs, FuzzArgs, FuzzCommand, RunArgs};
+use crate::cli::{CampaignArgs, FindingArgs, FuzzArgs, FuzzCommand, MAX_FINDINGS, RunArgs};
 use crate::exit::{Exit, Refused};
 use crate::files::words;
 use crate::reporter::{Reporter, harmless, say};
@@ -123,6 +123,13 @@ fn carry_out(
     place.give_back();
     say(&outcome.text(args.goals));
     load.iter().for_each(|said| complain!("note: {said}"));
+    // Where the limit was typed, it is known.
+    if stopped.is_none() && findings.len() >= args.max_findings.max(MAX_FINDINGS) {
+        complain!(
+            "note: it stopped after {} in which something was wrong; `--max-findings N` is the limit",
+            counted(findings.len(), "session"),
+        );
+    }
     record.showed(outcome.0);
     let exit = match &stopped {
         None => Exit::Green,

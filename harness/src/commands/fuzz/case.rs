@@ -75,7 +75,12 @@ pub(super) fn suite(names: &Names<'_>, finding: &Finding, how: Strictness) -> Op
     let came =
         |it: Frame| format!("reply: {{ frame: \"{}#...\", or-silence: true }}", id(&it, node));
     steps.extend(before.map(came));
-    steps.push(judged(finding, node, how)?);
+    if matches!(finding.violation.what, What::Ended(_)) {
+        // What goes on starts anew, in whichever transfer it was.
+        steps.extend(["nmt: reset-communication".to_owned(), boots_up(node)]);
+    } else {
+        steps.push(judged(finding, node, how)?);
+    }
     let reset = ["nmt: reset-node".to_owned(), boots_up(node)];
     let setup: &[String] = if begins.is_some() { &reset } else { &[] };
     if begins.is_none() {
@@ -212,7 +217,7 @@ fn sentence(finding: &Finding) -> String {
         What::Inhibited(frame, _) => {
             format!("The device keeps the inhibit time of {}.", words(frame))
         }
-        What::Ended(_) => format!("After {last}, the device goes on."),
+        What::Ended(_) => format!("After {last}, the program goes on."),
         What::Differs(difference) => {
             let Difference { name, expected, .. } = &**difference;
             format!("After {last}, {name} is {expected}.")

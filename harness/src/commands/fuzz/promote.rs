@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use campaign::session::Session as Actions;
-use campaign::{Blueprint, Candidate, Finding};
+use campaign::{Blueprint, Candidate, Finding, What};
 use canopen::{Bus, Device, VirtualBus};
 use reports::{Event, Outcome, Verdict};
 use runner::dut::Dut;
@@ -62,7 +62,8 @@ pub(super) fn run(args: &PromoteArgs, stop: &Stop) -> Result<Exit, Refused> {
     for (how, finding) in ways.iter().flatten().flat_map(each) {
         let Some(suite) = suite(&names, finding, how) else { continue };
         let files = Files::of(args, &names, suite, register(&names, finding));
-        match trial.is_just(&files, &names, &file.freedoms)? {
+        let ends = matches!(finding.violation.what, What::Ended(_));
+        match trial.is_just(&files, &names, &file.freedoms, ends)? {
             Ok(()) => {
                 files.write()?;
                 say(&files.said(&names, &selection));
@@ -160,13 +161,14 @@ struct Trial<'t> {
 }
 
 impl Trial<'_> {
-    /// Whether a case is red on the device, and green on models of it; the inner error says where
-    /// it is not.
+    /// Whether a case is red on the device, which may be that the program `ends`, and green on
+    /// models of it; the inner error says where it is not.
     fn is_just(
         &self,
         files: &Files,
         names: &Names<'_>,
         believed: &[String],
+        ends: bool,
     ) -> Result<Result<(), String>, Refused> {
         let folders = &self.selection.folders;
         let mut sources = folders.register_sources()?;
@@ -181,7 +183,9 @@ impl Trial<'_> {
         let undo = undo(self.target, self.selection);
         let on_device = self.outcome(&library, &plan(&self.target.dut)?, &mut *bus, &undo);
         drop(bus);
-        if on_device.verdict() != Verdict::Fail {
+        // A run has no verdict on a device that ended, and says how it did.
+        let red = if ends { Verdict::Error } else { Verdict::Fail };
+        if on_device.verdict() != red {
             return Ok(Err(format!("the case is {} on the device", said(&on_device))));
         }
         let blueprint = &self.modelled.blueprint;
