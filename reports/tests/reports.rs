@@ -358,6 +358,26 @@ fn what_is_missing_in_cases_about_many_requirements_is_one_fact() {
 }
 
 #[test]
+fn a_fact_is_named_by_what_most_of_its_cases_show() {
+    let first = "1003:00 = 2 within 1 s";
+    let most = "1003:00 = 1 within 1 s";
+    let cases: [(&str, &str, &[&str]); 8] = [
+        ("R-02", first, &[]),
+        ("R-07", most, &[]),
+        ("R-07", most, &[]),
+        ("R-07", most, &[]),
+        ("R-13", most, &["R-02"]),
+        ("R-04", most, &[]),
+        ("R-05", most, &[]),
+        ("R-01", most, &[]),
+    ];
+    assert_eq!(explained(&cases), [(8, 1)]);
+    let same: [(&str, &str, &[&str]); 3] =
+        [("R-07", first, &[]), ("R-07", most, &[]), ("R-07", most, &[])];
+    assert_eq!(explained(&same), [(3, 1)]);
+}
+
+#[test]
 fn a_case_that_was_undecided_counts_as_it_comes_out_at_last() {
     let events = fixture::events(Grade::Lenient);
     let [start, device, case] = [&events[0], &events[1], &events[2]];
