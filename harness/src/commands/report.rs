@@ -47,6 +47,10 @@ pub(super) fn run(args: &RenderArgs) -> Result<Exit, Refused> {
             })
         })
     })?;
+    // Whatever the reports say: an exit code needs a word.
+    if let Some(comparison) = &run.comparison {
+        say_report(&comparison.last_line());
+    }
     Ok(exit)
 }
 
