@@ -51,9 +51,13 @@ type Decoded = (usize, Vec<Result<(usize, Event), String>>);
 
 fn decode(block: io::Result<Block>) -> Result<Decoded, String> {
     let (first, text) = block.and_then(Block::text).map_err(|error| words(&error))?;
+    let is_begin = |number| number == 1 && !text.as_bytes().starts_with(journal::BEGINS);
     let events = journal::read(&text).map(|(place, event)| {
         let number = first + place - 1;
-        let wrong = |wrong| JournalError { line: number, ..wrong }.to_string();
+        let wrong = |wrong| match is_begin(number) {
+            true => "this is no journal, the file that a run writes with `--journal`".to_owned(),
+            false => JournalError { line: number, ..wrong }.to_string(),
+        };
         event.map(|event| (number, event)).map_err(wrong)
     });
     Ok((text.len(), events.collect()))
