@@ -282,9 +282,13 @@ pub struct RenderArgs {
     /// is red, the exit code is 10. Of shards, once for each
     #[arg(long, value_name = "JOURNAL")]
     pub against: Vec<PathBuf>,
-    /// Record the frames of the cases only that this names, as the patterns of a run do
+    /// Only the cases that this names, as the patterns of a run do: of what is printed, and of the
+    /// frames that are recorded. Other reports are of all cases
     #[arg(long, value_name = "PATTERN")]
     pub case: Option<String>,
+    /// Print a line or a block for each case, with its steps and frames where it did not pass
+    #[arg(short, long)]
+    pub verbose: bool,
     /// Colours
     #[arg(long, default_value = "auto")]
     pub color: When,
@@ -830,8 +834,13 @@ pub struct WaiveArgs {
     pub journals: Vec<PathBuf>,
     /// Instead, leave out of this file of waivers, in place, those that have expired and those that
     /// these runs show to be needed no longer; what they do not decide stays
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["out", "reason", "owner", "expires"])]
+    #[arg(
+        long, value_name = "FILE", conflicts_with_all = ["case", "out", "reason", "owner", "expires"]
+    )]
     pub prune: Option<PathBuf>,
+    /// Waive only what these cases show, as the patterns of a run name them
+    #[arg(long, value_name = "PATTERN")]
+    pub case: Option<String>,
     /// The date on which waivers expire, instead of that of the clock
     #[arg(long, value_name = "DATE", hide = true, value_parser = date)]
     pub today: Option<String>,

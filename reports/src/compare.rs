@@ -2,17 +2,19 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use crate::cause::Cause;
 use crate::characteristics::Characteristic;
-use crate::comparison::{Change, Comparison, Moved};
-use crate::fact::facts;
-use crate::run::Run;
+use crate::comparison::{Change, Comparison, KnownCause, Moved};
+use crate::fact::{Noticed, facts};
+use crate::junit::moment_in_words;
+use crate::run::{CaseRun, DeviceRun, Run};
 use crate::style::clean;
 use crate::verdict::Verdict;
 
 /// What is different in `now` from `before`, on the devices that are tested now.
 pub fn compared(now: &Run, before: &Run) -> Comparison {
     let tested = |device: &str| now.devices.iter().any(|it| it.info.device == device);
-    let (causes, old_causes) = (causes(now, tested), causes(before, tested));
+    let (mut causes, old_causes) = (causes(now, tested), causes(before, tested));
     let (verdicts, old_verdicts) = (verdicts(now, tested), verdicts(before, tested));
     let names: BTreeSet<_> = verdicts.keys().chain(old_verdicts.keys()).collect();
     let change = |key: &&(String, String)| {
@@ -24,14 +26,51 @@ pub fn compared(now: &Run, before: &Run) -> Comparison {
     // What needs work is read first; among equals, the names are in order.
     changed.sort_by_key(Change::rank);
     let is_red = |verdict: Option<Verdict>| verdict.is_some_and(|it| now.is_red(it));
+    let decided = decided(now);
+    let (mut as_before, mut cured, mut not_decided) = (Vec::new(), Vec::new(), Vec::new());
+    for old in &old_causes {
+        if let Some(same) = causes.iter().find(|it| it.is_same(old)) {
+            as_before.push(same.known.verdict);
+        } else {
+            match old.open(&decided, &verdicts) {
+                None => cured.push(old.known.clone()),
+                Some(said) => {
+                    let text = format!("{}: not decided now: {said}", old.known.text);
+                    not_decided.push(KnownCause { text, ..old.known });
+                }
+            }
+        }
+    }
+    causes.retain(|it| !old_causes.iter().any(|old| it.is_same(old)));
+    let mut new: Vec<KnownCause> = causes.into_iter().map(|it| it.known).collect();
+    [&mut new, &mut cured, &mut not_decided].into_iter().for_each(|causes| causes.sort());
     Comparison {
-        new: causes.difference(&old_causes).cloned().collect(),
-        cured: old_causes.difference(&causes).cloned().collect(),
-        as_before: causes.intersection(&old_causes).count(),
+        runs: [said(now), said(before)],
+        new,
+        cured,
+        not_decided,
+        as_before,
         is_regression: changed.iter().any(|it| is_red(it.now) && !is_red(it.before)),
         moved: moved(now, before),
         changed,
     }
+}
+
+/// A run by its target, its devices and when it began.
+fn said(run: &Run) -> String {
+    let Some(started) = &run.started else { return String::new() };
+    let devices =
+        run.devices.iter().map(|it| format!("{} (node {})", it.info.device, it.info.node));
+    let devices: Vec<String> = devices.collect();
+    let began = started.began.map_or_else(
+        || "in virtual time".to_owned(),
+        |it| format!("began {}", moment_in_words(it)),
+    );
+    let devices = match devices.len() {
+        many if many > MOST_DEVICES => format!("{many} devices"),
+        _ => devices.join(", "),
+    };
+    clean(&format!("{devices}, target {}, {began}, harness {}", started.target, started.harness))
 }
 
 /// The figures of the same quantity on the same device whose intervals do not touch.
@@ -63,22 +102,74 @@ fn moved(now: &Run, before: &Run) -> Vec<Moved> {
     all
 }
 
-/// The causes, each with its device and its service.
-fn causes(run: &Run, of: impl Fn(&str) -> bool) -> BTreeSet<String> {
+/// Device and case.
+type Name = (String, String);
+
+/// A cause of a run, and the cases that show it.
+struct Shown<'r> {
+    known: KnownCause,
+    causes: BTreeSet<(&'r str, &'r Cause)>,
+    cases: BTreeSet<Name>,
+}
+
+impl Shown<'_> {
+    /// Whether both runs show it: in the same words, or by a cause of a case that is in both. The
+    /// case that explains the others may be in one run only.
+    fn is_same(&self, other: &Shown<'_>) -> bool {
+        self.known.text == other.known.text || !self.causes.is_disjoint(&other.causes)
+    }
+
+    /// How many of its cases the other run does not decide, and why; `None` where all are decided.
+    fn open(&self, decided: &BTreeSet<Name>, verdicts: &BTreeMap<Name, Verdict>) -> Option<String> {
+        let open: Vec<&Name> = self.cases.iter().filter(|name| !decided.contains(*name)).collect();
+        let mut reasons = BTreeMap::<&str, usize>::new();
+        for name in &open {
+            let reason = verdicts.get(*name).map_or("not run", |verdict| verdict.name());
+            *reasons.entry(reason).or_default() += 1;
+        }
+        let reasons = reasons.into_iter().map(|(reason, count)| format!("{count} {reason}"));
+        let reasons = reasons.collect::<Vec<_>>().join(", ");
+        let cases = if self.cases.len() == 1 { "case" } else { "cases" };
+        let said = format!("{} of {} {cases} ({reasons})", open.len(), self.cases.len());
+        (!open.is_empty()).then_some(said)
+    }
+}
+
+/// The causes, each with its device and the service of the case that explains the others.
+fn causes(run: &Run, of: impl Fn(&str) -> bool) -> Vec<Shown<'_>> {
     let facts = facts(run).into_iter().filter_map(|fact| {
         // A fact may show on several devices.
-        let (_, device, case) = *fact.cases.iter().find(|it| of(&it.1.info.device))?;
+        let is_tested = |noticed: &&Noticed<'_>| of(&noticed.1.info.device);
+        let tested = || fact.cases.iter().filter(is_tested);
+        let (_, device, case) = *Some(&fact.first).filter(is_tested).or_else(|| tested().next())?;
         let cause = fact.cause()?.to_string();
         let named = device.info.objects.in_text(&cause);
-        Some(clean(&format!("{} {}: {named}", device.info.device, case.info.suite)))
+        let text = clean(&format!("{} {}: {named}", device.info.device, case.info.suite));
+        let verdict = tested().map(|(.., it)| it.verdict()).max_by_key(|it| it.weight())?;
+        let causes = tested().filter_map(|(_, device, it)| {
+            Some((device.info.device.as_str(), it.cause.as_deref()?))
+        });
+        let causes = causes.collect();
+        let cases = tested().map(|(_, device, case)| name(device, case)).collect();
+        Some(Shown { known: KnownCause { text, verdict }, causes, cases })
     });
     facts.collect()
 }
 
-fn verdicts(run: &Run, of: impl Fn(&str) -> bool) -> BTreeMap<(String, String), Verdict> {
-    let cases = run.cases().filter(|(device, _)| of(&device.info.device));
-    let named = cases.map(|(device, case)| {
-        ((clean(&device.info.device), clean(&case.info.name())), case.verdict())
-    });
-    named.collect()
+/// The cases that ran and said what they can say about the device.
+fn decided(run: &Run) -> BTreeSet<Name> {
+    let decided = run.cases().filter(|(_, case)| case.outcome.is_decided());
+    decided.map(|(device, case)| name(device, case)).collect()
 }
+
+fn name(device: &DeviceRun, case: &CaseRun) -> Name {
+    (clean(&device.info.device), clean(&case.info.name()))
+}
+
+fn verdicts(run: &Run, of: impl Fn(&str) -> bool) -> BTreeMap<Name, Verdict> {
+    let cases = run.cases().filter(|(device, _)| of(&device.info.device));
+    cases.map(|(device, case)| (name(device, case), case.verdict())).collect()
+}
+
+/// Of how many devices a run is named by.
+const MOST_DEVICES: usize = 3;

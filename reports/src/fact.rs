@@ -127,19 +127,20 @@ pub fn facts(run: &Run) -> Vec<Fact<'_>> {
         }
     }
     let fact = |members: &Vec<usize>| {
-        let alike = |at: usize| {
-            let (suite, cause) = (&cases[at].2.info.suite, &cases[at].2.cause);
-            let others = || members.iter().map(|other| cases[*other].2);
-            let of_suite = others().filter(|case| case.info.suite == *suite).count();
-            (of_suite, others().filter(|case| case.cause == *cause).count())
-        };
+        let others = || members.iter().map(|other| cases[*other].2);
         let weight = |at: usize| {
-            let outcome = &cases[at].2.outcome;
-            let holds = outcome.holds_against_device();
+            let case = cases[at].2;
+            let holds = case.outcome.holds_against_device();
+            // The requirement that breaks the others, or that most of them are about.
+            let alike = others().filter(|other| other.cause == case.cause).count();
+            let explains = explains[at] + alike;
             // A case about nothing else shows it best.
-            let about = Reverse(cases[at].2.info.checks.len());
-            let explains = (origins_of[at].is_none(), explains[at]);
-            (explains, run.is_red(outcome.verdict()), holds, about, alike(at), Reverse(at))
+            let about = Reverse(case.info.checks.len());
+            let said = others().filter(|other| is_said_alike(other, case)).count();
+            let of_suite = others().filter(|other| other.info.suite == case.info.suite).count();
+            let is_red = run.is_red(case.verdict());
+            let why = (origins_of[at].is_none(), is_red, holds, explains, about);
+            (why, said, of_suite, Reverse(at))
         };
         let first = members.iter().copied().max_by_key(|at| weight(*at)).unwrap_or_default();
         let members = members.iter().map(|at| cases[*at]).collect();
@@ -148,6 +149,15 @@ pub fn facts(run: &Run) -> Vec<Fact<'_>> {
     let mut facts: Vec<Fact> = joined.groups().iter().map(fact).collect();
     facts.sort_by_key(|fact| (!fact.is_red(run), Reverse(fact.cases.len()), fact.cases[0].0));
     facts
+}
+
+/// Whether both expected the same, and the same came, with all values.
+fn is_said_alike(one: &CaseRun, other: &CaseRun) -> bool {
+    let said = |case: &CaseRun| {
+        let problem = case.outcome.problem()?;
+        Some((problem.expected.clone(), problem.actual.clone()))
+    };
+    said(one) == said(other)
 }
 
 /// In cases about how many requirements the same difference has to come up to be one fact. In a few

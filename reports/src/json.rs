@@ -93,8 +93,11 @@ struct Cause {
 #[serde(rename_all = "kebab-case")]
 struct Compared<'r> {
     regression: bool,
-    new: &'r [String],
-    cured: &'r [String],
+    new: Vec<&'r str>,
+    /// What does not occur any more, while all its cases ran and are decided.
+    cured: Vec<&'r str>,
+    /// What does not occur, while some of its cases did not run or are not decided.
+    not_decided: Vec<&'r str>,
     as_before: usize,
     changed: Vec<Changed<'r>>,
     /// The characteristics that moved by more than their noise.
@@ -268,9 +271,10 @@ impl<'r> Report<'r> {
             counts: counted(run.counts()),
             comparison: run.comparison.as_ref().map(|it| Compared {
                 regression: it.is_regression,
-                new: &it.new,
-                cured: &it.cured,
-                as_before: it.as_before,
+                new: it.new.iter().map(|cause| cause.text.as_str()).collect(),
+                cured: it.cured.iter().map(|cause| cause.text.as_str()).collect(),
+                not_decided: it.not_decided.iter().map(|cause| cause.text.as_str()).collect(),
+                as_before: it.as_before.len(),
                 changed: it.changed.iter().map(Changed::of).collect(),
                 moved: it.moved.iter().map(Moved::of).collect(),
             }),

@@ -42,6 +42,13 @@ pub fn date(unix_time: u64) -> String {
     moment(unix_time).date().to_string()
 }
 
+/// The same with the time of day, such as `2026-12-31 23:59:59 UTC`.
+pub(crate) fn moment_in_words(unix_time: u64) -> String {
+    let moment = moment(unix_time);
+    let (hour, minute, second) = moment.time().as_hms();
+    format!("{} {hour:02}:{minute:02}:{second:02} UTC", moment.date())
+}
+
 fn moment(unix_time: u64) -> OffsetDateTime {
     let seconds = i64::try_from(unix_time).unwrap_or_default();
     OffsetDateTime::from_unix_timestamp(seconds).unwrap_or(OffsetDateTime::UNIX_EPOCH)

@@ -39,7 +39,7 @@ pub use campaign::Campaign;
 pub use cause::Cause;
 pub use characteristics::Characteristic;
 pub use compare::compared;
-pub use comparison::{Change, Comparison, Moved};
+pub use comparison::{Change, Comparison, KnownCause, Moved};
 pub use event::{
     Begun, CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Measured, Note, Repeated,
     RunEnded, RunStarted, Shard, SheetUsed, Stimulus, ToolCheck, Versions,

@@ -57,16 +57,19 @@ fn devices(digest: &Digest<'_>, out: &mut dyn Write) -> io::Result<()> {
 
 fn compared(comparison: &Comparison, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "## Compared with the earlier run\n")?;
+    let [now, before] = &comparison.runs;
+    writeln!(out, "- this run: {}", escaped(now))?;
+    writeln!(out, "- earlier: {}\n", escaped(before))?;
+    writeln!(out, "{}", escaped(comparison.last_line().trim_end()))?;
+    writeln!(out)?;
     if comparison.is_empty() {
-        return writeln!(out, "Nothing changed.\n");
+        return Ok(());
     }
     if comparison.is_regression {
         writeln!(out, "**A regression: what was green is red.**\n")?;
     }
-    for (heading, causes) in [("New", &comparison.new), ("Cured", &comparison.cured)] {
-        for cause in causes.iter().take(MOST_CAUSES) {
-            writeln!(out, "- **{heading}**: {}", escaped(cause))?;
-        }
+    for (what, cause) in comparison.causes().take(MOST_CAUSES) {
+        writeln!(out, "- **{what}**: {}", escaped(&cause.text))?;
     }
     for change in comparison.told().take(MOST_CHANGES) {
         writeln!(out, "- {}", escaped(&change.text()))?;
@@ -75,8 +78,8 @@ fn compared(comparison: &Comparison, out: &mut dyn Write) -> io::Result<()> {
     if more > 0 {
         writeln!(out, "- {more} more cases changed")?;
     }
-    if let Some(blocked) = comparison.blocked() {
-        writeln!(out, "- {blocked}")?;
+    for line in comparison.untold() {
+        writeln!(out, "- {line}")?;
     }
     for moved in &comparison.moved {
         writeln!(out, "- **Moved**: {}", escaped(&moved.text()))?;

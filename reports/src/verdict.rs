@@ -227,6 +227,15 @@ impl Outcome {
         matches!(self, Self::Error { reason, .. } if reason.starts_with(NOT_RUN))
     }
 
+    /// Whether the case ran and said what it can say about the device.
+    pub fn is_decided(&self) -> bool {
+        match self {
+            Self::Pass | Self::Lenient(_) | Self::Fail(_) | Self::Flaky { .. } => true,
+            Self::Waived { outcome, .. } => outcome.is_decided(),
+            Self::Skip(_) | Self::Blocked(_) | Self::Error { .. } | Self::Undecided(_) => false,
+        }
+    }
+
     /// `in 1 of 3 attempts`, of a case that does not fail each time.
     pub(crate) fn times(&self) -> Option<String> {
         match self {

@@ -12,7 +12,7 @@ use canopen::Mux;
 use pcap_file::pcapng::{Block, PcapNgReader};
 use reports::{
     Campaign, CaseEnded, Event, FORMATS, Grade, Keep, OutOfOrder, Outcome, RECORDINGS, Recording,
-    Run, Shard, Style, Verdict, facts, github, journal, junit, merged, terminal,
+    Run, Shard, Style, Verdict, compared, facts, github, journal, junit, merged, terminal,
 };
 
 const PLAIN: Style = Style { color: false };
@@ -358,6 +358,26 @@ fn what_is_missing_in_cases_about_many_requirements_is_one_fact() {
 }
 
 #[test]
+fn a_fact_is_named_by_what_most_of_its_cases_show() {
+    let first = "1003:00 = 2 within 1 s";
+    let most = "1003:00 = 1 within 1 s";
+    let cases: [(&str, &str, &[&str]); 8] = [
+        ("R-02", first, &[]),
+        ("R-07", most, &[]),
+        ("R-07", most, &[]),
+        ("R-07", most, &[]),
+        ("R-13", most, &["R-02"]),
+        ("R-04", most, &[]),
+        ("R-05", most, &[]),
+        ("R-01", most, &[]),
+    ];
+    assert_eq!(explained(&cases), [(8, 1)]);
+    let same: [(&str, &str, &[&str]); 3] =
+        [("R-07", first, &[]), ("R-07", most, &[]), ("R-07", most, &[])];
+    assert_eq!(explained(&same), [(3, 1)]);
+}
+
+#[test]
 fn a_case_that_was_undecided_counts_as_it_comes_out_at_last() {
     let events = fixture::events(Grade::Lenient);
     let [start, device, case] = [&events[0], &events[1], &events[2]];
@@ -514,4 +534,72 @@ fn what_was_tested_twice_stands_side_by_side() {
     assert!(summary.contains("## Side by side"), "{summary}");
     let row = "| CIA301-HB-02 | FAIL |  | PASS |  |";
     assert!(summary.contains(row), "{heading}\n{summary}");
+}
+
+/// The events with the cases of `instead` coming out otherwise; without them where it is `None`.
+fn otherwise(events: &[Event], instead: Option<&Outcome>) -> Run {
+    let (mut changed, mut is_in) = (Vec::new(), true);
+    for event in events {
+        let mut event = event.clone();
+        match (&mut event, instead) {
+            (Event::CaseStarted(case), None) => is_in = &*case.suite != "cia301/some",
+            (Event::CaseEnded(end), Some(outcome)) => {
+                (end.outcome, end.cause) = (outcome.clone(), None);
+            }
+            (Event::RunEnded(_), _) => is_in = true,
+            _ => {}
+        }
+        changed.extend(is_in.then_some(event));
+    }
+    fold(&changed, Keep::Unusual)
+}
+
+#[test]
+fn only_what_ran_and_is_decided_is_cured() {
+    let events = fixture::failing(&[("NMT-05", "702#04", &[]), ("HB-01", "702#05", &["NMT-05"])]);
+    let before = fold(&events, Keep::Unusual);
+    for (instead, cured, said) in [
+        (Some(Outcome::Pass), 1, None),
+        (Some(Outcome::Skip("protected".into())), 0, Some("2 of 2 cases (2 SKIP)")),
+        (Some(Outcome::Blocked("NMT-05".into())), 0, Some("2 of 2 cases (2 BLOCKED)")),
+        (Some(Outcome::Undecided("a frame was lost".into())), 0, Some("2 of 2 cases (2 ERROR)")),
+        (None, 0, Some("2 of 2 cases (2 not run)")),
+    ] {
+        let mut now = otherwise(&events, instead.as_ref());
+        let comparison = compared(&now, &before);
+        assert_eq!(comparison.cured.len(), cured, "{instead:?}");
+        let open: Vec<&str> = comparison.not_decided.iter().map(|it| it.text.as_str()).collect();
+        assert_eq!(open.len(), usize::from(said.is_some()), "{instead:?}");
+        assert!(said.is_none_or(|said| open[0].ends_with(said)), "{open:?}");
+        let text = comparison.text();
+        let counts = format!("{cured} cured, 0 as before, {} not decided now", open.len());
+        assert!(text.contains(&counts), "{text}");
+        now.comparison = Some(comparison);
+        for format in FORMATS.iter().filter(|it| ["html", "markdown"].contains(&it.flag)) {
+            let text = whole(format.write, &now);
+            assert_eq!(text.contains("not decided now: 2 of 2"), said.is_some(), "{}", format.flag);
+        }
+    }
+}
+
+#[test]
+fn a_comparison_names_both_runs_and_a_cause_as_the_run_does() {
+    let mut events = fixture::failing(&[
+        ("HB-01", "702#05", &["NMT-05"]),
+        ("NMT-05", "702#04", &[]),
+        ("EMCY-10", "1014:00 = 82h", &[]),
+    ]);
+    if let Event::CaseStarted(case) = &mut events[2] {
+        case.suite = "cia301/heartbeat".into();
+    }
+    let before = fold(&events, Keep::Unusual);
+    if let Event::RunStarted(started) = &mut events[0] {
+        started.began = Some(1_700_000_000);
+    }
+    let passed = otherwise(&events, Some(&Outcome::Pass));
+    let comparison = compared(&passed, &before);
+    assert!(comparison.cured.iter().any(|it| it.text.contains("cia301/some: NMT-05")));
+    let [now, before] = &comparison.runs;
+    assert_eq!(now, "generic (node 2), target sim, began 2023-11-14 22:13:20 UTC, harness 0.1.0");
+    assert!(before.contains("in virtual time"), "{before}");
 }

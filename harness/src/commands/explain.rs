@@ -189,7 +189,7 @@ impl Book {
         let meant = |mutant: &Mutant| mutant.breaks.iter().any(|id| checks.contains(id.as_str()));
         let mut mutants = self.mutants.iter().filter(|(mutant, _)| meant(mutant)).peekable();
         if mutants.peek().is_some() {
-            page.field("fails when", "the device is wrong about this, as these mutants are:");
+            page.field("mutants", "that break a requirement of this case:");
         }
         for (mutant, _) in mutants {
             page.item(&format!("{}: {}", mutant.name, mutant.why));
@@ -287,7 +287,7 @@ impl Book {
             }
         }
         let broken = |case: &Case| case.checks.iter().any(|id| mutant.breaks.contains(&id.value));
-        page.list("killed by", self.cases_that(broken));
+        page.list("checked by", self.cases_that(broken));
         for device in devices {
             page.field("try", &format!("harness --target 'sim:{device}?mutant={}'", mutant.name));
         }
@@ -351,7 +351,12 @@ impl Book {
                 );
                 Some(page.0)
             }
-            4 if EmcyCode(code as u16).is_named() || self.object(code as u16).is_none() => {
+            4 => {
+                let object = object(code as u16, &self.library.catalogue);
+                if object.is_some() && !EmcyCode(code as u16).is_named() {
+                    return object;
+                }
+                let object = object.or_else(|| entries::of_devices(code as u16));
                 let emcy = EmcyCode(code as u16);
                 let mut page = Page::new(format!("emergency error code {code:04X}h"));
                 page.field("meaning", emcy.meaning());
@@ -367,11 +372,8 @@ impl Book {
                     "demanded by",
                     cases.map(|(suite, case)| full_name(suite, case)).collect(),
                 );
-                let object =
-                    self.object(code as u16).map(|object| object + "\n").unwrap_or_default();
-                Some(object + &page.0)
+                Some(object.map(|object| object + "\n").unwrap_or_default() + &page.0)
             }
-            4 => self.object(code as u16),
             _ => None,
         }
     }
@@ -384,10 +386,6 @@ impl Book {
     fn cases_that(&self, fits: impl Fn(&Case) -> bool) -> Vec<String> {
         let cases = self.cases().filter(|(_, case)| fits(&case.value));
         cases.map(|(suite, case)| full_name(suite, case)).collect()
-    }
-
-    fn object(&self, index: u16) -> Option<String> {
-        object(index, &self.library.catalogue)
     }
 
     fn unknown(&self, name: &str) -> Refused {

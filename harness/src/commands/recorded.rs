@@ -6,6 +6,7 @@ use std::path::Path;
 use reports::journal::{self, JournalError};
 use reports::{Event, Keep, Run};
 use runner::parallel::{self, processors};
+use runner::plan::is_named;
 
 use crate::exit::{Exit, Refused};
 use crate::files::{Block, Blocks, LARGEST_JOURNAL, words};
@@ -19,6 +20,30 @@ pub(super) fn recorded(path: &Path) -> Result<Run, Refused> {
     let mut run = Run::new(Keep::Unusual).watching();
     for_each_event(path, |line, event| run.take(line, &event).map_err(|why| why.to_string()))?;
     Ok(run)
+}
+
+/// Keeps of runs the cases that a pattern names.
+///
+/// # Errors
+/// When it names none.
+pub(super) fn narrow<'r>(
+    runs: impl Iterator<Item = &'r mut Run>,
+    pattern: &str,
+) -> Result<(), Refused> {
+    let mut left = 0;
+    for run in runs {
+        for device in &mut run.devices {
+            for suite in &mut device.suites {
+                suite.cases.retain(|case| is_named(pattern, &case.info.name()));
+                left += suite.cases.len();
+            }
+            device.suites.retain(|suite| !suite.cases.is_empty());
+        }
+    }
+    match left {
+        0 => Err(Refused::usage(format!("--case {pattern}: no case of the journal has this name"))),
+        _ => Ok(()),
+    }
 }
 
 /// Takes the events of a journal one after the other: it may be many times as large as what a
@@ -51,9 +76,13 @@ type Decoded = (usize, Vec<Result<(usize, Event), String>>);
 
 fn decode(block: io::Result<Block>) -> Result<Decoded, String> {
     let (first, text) = block.and_then(Block::text).map_err(|error| words(&error))?;
+    let is_begin = |number| number == 1 && !text.as_bytes().starts_with(journal::BEGINS);
     let events = journal::read(&text).map(|(place, event)| {
         let number = first + place - 1;
-        let wrong = |wrong| JournalError { line: number, ..wrong }.to_string();
+        let wrong = |wrong| match is_begin(number) {
+            true => "this is no journal, the file that a run writes with `--journal`".to_owned(),
+            false => JournalError { line: number, ..wrong }.to_string(),
+        };
         event.map(|event| (number, event)).map_err(wrong)
     });
     Ok((text.len(), events.collect()))

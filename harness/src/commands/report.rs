@@ -4,7 +4,7 @@ use reports::terminal::{Printer, Verbosity};
 use reports::{Event, Run, Style, compared, merged};
 use runner::plan::is_named;
 
-use super::recorded::{for_each_event, recorded};
+use super::recorded::{for_each_event, narrow, recorded};
 use crate::cli::RenderArgs;
 use crate::exit::{Exit, Refused};
 use crate::reporter::{render, say_report};
@@ -28,7 +28,11 @@ pub(super) fn run(args: &RenderArgs) -> Result<Exit, Refused> {
     let exit = if regression { Exit::Regression } else { Exit::Green };
     let reports = &args.reports;
     if reports.formats.is_empty() && reports.recordings.is_empty() {
-        let mut printer = Printer::new(Style { color: args.color.colours() }, Verbosity::Normal);
+        if let Some(pattern) = &args.case {
+            narrow([&mut run].into_iter(), pattern)?;
+        }
+        let verbosity = if args.verbose { Verbosity::Verbose } else { Verbosity::Normal };
+        let mut printer = Printer::new(Style { color: args.color.colours() }, verbosity);
         let cases: String =
             run.cases().map(|(device, case)| printer.case(&run, device, case)).collect();
         match &run.comparison {
@@ -47,6 +51,10 @@ pub(super) fn run(args: &RenderArgs) -> Result<Exit, Refused> {
             })
         })
     })?;
+    // Whatever the reports say: an exit code needs a word.
+    if let Some(comparison) = &run.comparison {
+        say_report(&comparison.last_line());
+    }
     Ok(exit)
 }
 

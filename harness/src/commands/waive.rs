@@ -10,7 +10,7 @@ use std::path::Path;
 use reports::{Cause, Outcome, Run, Verdict, facts};
 
 use super::counted::counted;
-use super::recorded::recorded;
+use super::recorded::{narrow, recorded};
 use crate::bus::unix_time;
 use crate::cli::WaiveArgs;
 use crate::exit::{Exit, Refused};
@@ -22,7 +22,11 @@ use crate::reporter::say;
 /// # Errors
 /// When a journal cannot be read, or the file cannot be written.
 pub(super) fn run(args: &WaiveArgs) -> Result<Exit, Refused> {
-    let runs: Vec<Run> = args.journals.iter().map(|path| folded(path)).collect::<Result<_, _>>()?;
+    let runs = args.journals.iter().map(|path| folded(path));
+    let mut runs: Vec<Run> = runs.collect::<Result<_, _>>()?;
+    if let Some(pattern) = &args.case {
+        narrow(runs.iter_mut(), pattern)?;
+    }
     if let Some(file) = &args.prune {
         let today = args.today.clone().unwrap_or_else(|| reports::date(unix_time()));
         return prune::prune(file, runs, &today);

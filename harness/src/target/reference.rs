@@ -83,7 +83,13 @@ impl Named {
                 let mutants = mutant::of(device)?;
                 let names = || mutants.iter().map(|mutant| mutant.name.as_str());
                 let mutant = mutants.iter().find(|mutant| mutant.name == *name);
-                Ok(mutant.ok_or_else(|| none("mutant", "mutants", name, names()))?.deviation())
+                let others = || {
+                    of_others(device, |other| {
+                        mutant::of(other).is_ok_and(|all| all.iter().any(|it| it.name == *name))
+                    })
+                };
+                let missing = || none(["mutant", "mutants"], name, device, names(), others());
+                Ok(mutant.ok_or_else(missing)?.deviation())
             }
             Self::Freedom(list) => {
                 let freedoms = freedom::of(device)?;
@@ -91,7 +97,13 @@ impl Named {
                 let mut chosen = Vec::new();
                 for name in list.split(',') {
                     let freedom = freedoms.iter().find(|freedom| freedom.name == name);
-                    chosen.push(freedom.ok_or_else(|| none("freedom", "freedoms", name, names()))?);
+                    let others = || {
+                        of_others(device, |other| {
+                            freedom::of(other).is_ok_and(|all| all.iter().any(|it| it.name == name))
+                        })
+                    };
+                    let missing = || none(["freedom", "freedoms"], name, device, names(), others());
+                    chosen.push(freedom.ok_or_else(missing)?);
                 }
                 Ok(freedom::mixture(chosen))
             }
@@ -99,16 +111,43 @@ impl Named {
                 let all = freedom::personalities(device)?;
                 let names = || all.iter().map(|personality| personality.name.as_str());
                 let personality = all.iter().find(|personality| personality.name == *name);
-                let missing = || none("personality", "personalities", name, names());
+                let kind = ["personality", "personalities"];
+                let missing = || none(kind, name, device, names(), Vec::new());
                 Ok(personality.ok_or_else(missing)?.deviation())
             }
         }
     }
 }
 
-fn none<'n>(kind: &str, list: &str, name: &str, names: impl Iterator<Item = &'n str>) -> Refused {
-    let meant = did_you_mean(name, names);
-    Refused::usage(format!("no {kind} `{name}`; `harness list {list}` names all{meant}"))
+/// The other reference devices of which something holds, without variants beside their device.
+fn of_others(
+    device: &ReferenceDevice,
+    has: impl Fn(&ReferenceDevice) -> bool,
+) -> Vec<&'static str> {
+    let family = device.family();
+    let mut found: Vec<&str> = Vec::new();
+    for other in devices::all().filter(|other| other.family() != family && has(other)) {
+        if !found.contains(&other.family()) {
+            found.push(other.family());
+        }
+    }
+    found
+}
+
+/// The complaint about a deviation that a device does not have, although others may.
+fn none<'n>(
+    [kind, list]: [&str; 2],
+    name: &str,
+    device: &ReferenceDevice,
+    names: impl Iterator<Item = &'n str>,
+    others: Vec<&str>,
+) -> Refused {
+    let of = &device.description.device;
+    let meant = match others.is_empty() {
+        true => did_you_mean(name, names),
+        false => format!("; it is one of {}", others.join(", ")),
+    };
+    Refused::usage(format!("{of} has no {kind} `{name}`; `harness list {list}` names all{meant}"))
 }
 
 /// The sentence for a name that no reference device has.

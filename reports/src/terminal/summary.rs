@@ -7,6 +7,7 @@ use std::fmt::Write as _;
 
 use super::{Verbosity, one_line, plural};
 use crate::cause::Cause;
+use crate::comparison::kinds;
 use crate::fact::{Fact, Noticed, facts};
 use crate::reason::{Alike, LOWER_LIMIT, PROTECTED_BY, UPPER_LIMIT, alike, counted, listed};
 use crate::run::{CaseRun, Counts, DeviceRun, Run};
@@ -246,37 +247,47 @@ fn headline(fact: &Fact) -> String {
     format!("{}: {}", case.info.suite, first.unwrap_or(Cow::Borrowed(&cause)))
 }
 
-/// `3 causes, 206 instances: cia301/nmt 2, cia301/emcy 1; 5 more have no verdict` of what makes the
-/// run red, by service.
+/// `3 causes (2 FAIL, 1 LENIENT), 206 instances: cia301/nmt 2, cia301/emcy 1; 5 more have no
+/// verdict` of a red run, by service.
 fn grouped(run: &Run, text: &mut String) {
-    let facts = facts(run).into_iter().filter(|fact| fact.is_red(run));
-    let (mut services, mut causes, mut instances) = (BTreeMap::<&str, u64>::new(), 0, 0);
-    let mut open = 0;
-    for fact in facts {
-        let red = || fact.cases.iter().filter(|(.., case)| run.is_red(case.verdict()));
-        // What has no verdict is no statement about the device.
-        if red().all(|(.., case)| case.verdict() == Verdict::Error) {
-            open += red().count();
-            continue;
+    let (mut services, mut verdicts, mut instances) = (BTreeMap::<&str, u64>::new(), vec![], 0);
+    let (mut open, mut is_red) = (0, false);
+    for fact in facts(run) {
+        let verdict =
+            fact.cases.iter().map(|(.., case)| case.verdict()).max_by_key(|it| it.weight());
+        let cases = fact.cases.len();
+        match verdict {
+            // What has no verdict is no statement about the device.
+            Some(Verdict::Error) if fact.cases.iter().all(is_error) => open += cases,
+            Some(verdict) => {
+                instances += cases as u64;
+                verdicts.push(verdict);
+                is_red |= fact.is_red(run);
+                *services.entry(&fact.first.2.info.suite).or_default() += 1;
+            }
+            None => {}
         }
-        instances += red().count() as u64;
-        causes += 1;
-        *services.entry(&fact.first.2.info.suite).or_default() += 1;
     }
-    if causes > 0 && instances + open as u64 > 1 {
+    let causes = verdicts.len() as u64;
+    if is_red && instances + open as u64 > 1 {
         let mut services: Vec<_> = services.into_iter().collect();
         services.sort_by_key(|(_, count)| Reverse(*count));
         let services = services.iter().map(|(name, count)| format!("{name} {count}"));
         let services = services.collect::<Vec<_>>().join(", ");
         let (cause, instance) = (plural(causes, "cause"), plural(instances, "instance"));
+        let kinds = kinds(verdicts.into_iter());
         let open = match open {
             0 => String::new(),
             1 => "; 1 more has no verdict".to_owned(),
             open => format!("; {open} more have no verdict"),
         };
-        let line = format!("{causes} {cause}, {instances} {instance}: {services}{open}");
+        let line = format!("{causes} {cause}{kinds}, {instances} {instance}: {services}{open}");
         let _ = writeln!(text, "{}", wrapped(&one_line(&line)));
     }
+}
+
+fn is_error((.., case): &Noticed<'_>) -> bool {
+    case.verdict() == Verdict::Error
 }
 
 /// The commands that run again what is undecided, and often what is flaky, for each device.

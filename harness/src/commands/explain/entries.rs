@@ -23,18 +23,38 @@ pub(super) fn entry(name: &str, catalogue: &Catalogue) -> Option<String> {
         }
     }
     let mut page = Page::new(format!("object {mux}"));
-    for (text, devices) in &same {
-        let (first, others) = devices.split_first().unwrap_or((&"", &[]));
-        page.field(first, text);
-        if !others.is_empty() {
-            page.more(&format!("the same in {}", others.join(", ")));
-        }
-    }
+    by_device(&mut page, &same);
     let of_object = object(mux.index, catalogue);
     match (same.is_empty(), of_object) {
         (true, object) => object,
         (false, None) => Some(page.0),
         (false, Some(object)) => Some(page.0 + "\n" + &object),
+    }
+}
+
+/// Explains an object by its name in each reference device that has it.
+pub(super) fn of_devices(index: u16) -> Option<String> {
+    let mut same = BTreeMap::<String, Vec<&str>>::new();
+    for device in devices::all() {
+        let description = &device.description;
+        if let Some(object) = description.eds.object(index) {
+            same.entry(object.name.clone()).or_default().push(&description.device);
+        }
+    }
+    let mut page = Page::new(format!("object {index:04X}h of reference devices"));
+    by_device(&mut page, &same);
+    page.field("entries", &format!("harness explain {index:04X}:00"));
+    (!same.is_empty()).then_some(page.0)
+}
+
+/// Each text with the devices of which it is true.
+fn by_device(page: &mut Page, same: &BTreeMap<String, Vec<&str>>) {
+    for (text, devices) in same {
+        let (first, others) = devices.split_first().unwrap_or((&"", &[]));
+        page.field(first, text);
+        if !others.is_empty() {
+            page.more(&format!("the same in {}", others.join(", ")));
+        }
     }
 }
 
