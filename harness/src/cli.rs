@@ -769,9 +769,10 @@ pub struct DecodeArgs {
     /// Node id of the device with the data sheet
     #[arg(long, value_parser = whole::<u8>(1..=127))]
     pub node: Option<u8>,
-    /// The reference device whose data sheet it is, instead of --eds
-    #[arg(long, value_name = "NAME", conflicts_with = "eds")]
-    pub device: Option<String>,
+    /// A device that has the data sheet of a reference device, with its node id if that is not the
+    /// usual one: `drr460` or `drr460@5`; may be repeated
+    #[arg(long, value_name = "NAME[@ID]")]
+    pub device: Vec<String>,
     /// Of a journal, only this case: its name, or a glob
     #[arg(long, value_name = "CASE")]
     pub case: Option<String>,
