@@ -83,7 +83,8 @@ impl Named {
                 let mutants = mutant::of(device)?;
                 let names = || mutants.iter().map(|mutant| mutant.name.as_str());
                 let mutant = mutants.iter().find(|mutant| mutant.name == *name);
-                Ok(mutant.ok_or_else(|| none("mutant", "mutants", name, names()))?.deviation())
+                let missing = || none(device, "mutant", "mutants", name, names());
+                Ok(mutant.ok_or_else(missing)?.deviation())
             }
             Self::Freedom(list) => {
                 let freedoms = freedom::of(device)?;
@@ -91,7 +92,8 @@ impl Named {
                 let mut chosen = Vec::new();
                 for name in list.split(',') {
                     let freedom = freedoms.iter().find(|freedom| freedom.name == name);
-                    chosen.push(freedom.ok_or_else(|| none("freedom", "freedoms", name, names()))?);
+                    let missing = || none(device, "freedom", "freedoms", name, names());
+                    chosen.push(freedom.ok_or_else(missing)?);
                 }
                 Ok(freedom::mixture(chosen))
             }
@@ -99,16 +101,47 @@ impl Named {
                 let all = freedom::personalities(device)?;
                 let names = || all.iter().map(|personality| personality.name.as_str());
                 let personality = all.iter().find(|personality| personality.name == *name);
-                let missing = || none("personality", "personalities", name, names());
+                let missing = || none(device, "personality", "personalities", name, names());
                 Ok(personality.ok_or_else(missing)?.deviation())
             }
         }
     }
 }
 
-fn none<'n>(kind: &str, list: &str, name: &str, names: impl Iterator<Item = &'n str>) -> Refused {
-    let meant = did_you_mean(name, names);
-    Refused::usage(format!("no {kind} `{name}`; `harness list {list}` names all{meant}"))
+/// The sentence for a deviation that a device does not have. Another device may have it.
+fn none<'n>(
+    device: &ReferenceDevice,
+    kind: &str,
+    list: &str,
+    name: &str,
+    mut names: impl Iterator<Item = &'n str> + Clone,
+) -> Refused {
+    let meant = did_you_mean(name, names.clone());
+    let all = devices::names().filter_map(devices::device);
+    let has = |other: &ReferenceDevice| match list {
+        "mutants" => mutant::of(other).is_ok_and(|all| all.iter().any(|it| it.name == name)),
+        "freedoms" => freedom::of(other).is_ok_and(|all| all.iter().any(|it| it.name == name)),
+        _ => freedom::personalities(other).is_ok_and(|all| all.iter().any(|it| it.name == name)),
+    };
+    let others: Vec<String> =
+        all.filter(has).map(|other| other.description.device.clone()).collect();
+    let of_others = match &others[..] {
+        [] => String::new(),
+        [one] => format!("; {one} has it"),
+        many => format!("; these have it: {}", many.join(", ")),
+    };
+    let device = &device.description.device;
+    // A device in a folder is named by its path.
+    let target = match devices::device(device) {
+        Some(_) => format!(" --target sim:{device}"),
+        None => String::new(),
+    };
+    Refused::usage(match names.next() {
+        None => format!("{device} has no {list}, so no `{name}`{of_others}"),
+        Some(_) => {
+            format!("no {kind} `{name}`; `harness list {list}{target}` names all{of_others}{meant}")
+        }
+    })
 }
 
 /// The sentence for a name that no reference device has.
