@@ -7,6 +7,9 @@ pub fn did_you_mean<'k>(wrong: &str, known: impl Iterator<Item = &'k str>) -> St
 
 /// The one of `known` that was meant by `wrong`, when one is near enough.
 pub fn nearest<'k>(wrong: &str, known: impl Iterator<Item = &'k str>) -> Option<&'k str> {
+    let known: Vec<&str> = known.collect();
+    let all = known.iter().copied();
+    let known = known.iter().copied();
     let letters = wrong.chars().count();
     // Words that share no letter at their place are not near, however short they are.
     let most = (letters / 3).max(2).min(letters.saturating_sub(1));
@@ -17,7 +20,22 @@ pub fn nearest<'k>(wrong: &str, known: impl Iterator<Item = &'k str>) -> Option<
     };
     let nearest = known.map(|known| (far(known), known)).min();
     let near = nearest.filter(|((far, _), _)| *far <= most);
-    near.map(|(_, known)| known)
+    near.map(|(_, known)| known).or_else(|| with_more_words(wrong, all))
+}
+
+/// The shortest of `known` that has all words of `wrong` in their order, and others: `alarm-nver`
+/// is a part of `alarm-above-never`.
+fn with_more_words<'k>(wrong: &str, known: impl Iterator<Item = &'k str>) -> Option<&'k str> {
+    if !wrong.contains('-') {
+        return None;
+    }
+    let has_all = |known: &&str| {
+        let mut words = known.split('-');
+        wrong
+            .split('-')
+            .all(|one| words.any(|word| word == one || one.len() > 3 && is_slip(one, word)))
+    };
+    known.filter(has_all).min_by_key(|known| (known.len(), *known))
 }
 
 /// Whether one letter is wrong, missing or too many, or two are swapped.
@@ -34,6 +52,9 @@ mod tests {
         let said = |wrong| did_you_mean(wrong, ["suction", "evacuation", "cool-down"].into_iter());
         assert_eq!(said("suktion"), "; did you mean `suction`?");
         assert_eq!(said("down"), "; did you mean `cool-down`?");
+        let alarms = ["alarm-inverted", "alarm-level-above-never", "alarm-above-never"];
+        let said_of_alarms = did_you_mean("alarm-nver", alarms.into_iter());
+        assert_eq!(said_of_alarms, "; did you mean `alarm-above-never`?");
         assert_eq!([said("heating"), said("x"), said("")], [const { String::new() }; 3]);
     }
 }

@@ -297,7 +297,10 @@ impl FromStr for Pattern {
             Some(digits) => (digits.trim_end(), true),
             None => (head, false),
         };
-        let number = u32::from_str_radix(digits, 16).ok().filter(|_| !digits.starts_with('+'));
+        if digits.contains('+') {
+            return fail(0, "the node id is added by `+n`, as in `180+n`");
+        }
+        let number = u32::from_str_radix(digits, 16).ok();
         let (id, extended) = match (digits.len(), number) {
             (3, Some(id @ 0..=0x7FF)) => (id, false),
             (8, Some(id @ 0..=0x1FFF_FFFF)) => (id, true),
@@ -483,6 +486,12 @@ mod tests {
         ] {
             assert_eq!(text.parse::<Pattern>().unwrap_err().at, at, "{text}");
         }
+    }
+
+    #[test]
+    fn another_addition_than_that_of_the_node_is_named() {
+        let wrong = "180+m#..".parse::<Pattern>().unwrap_err();
+        assert_eq!(wrong.message, "the node id is added by `+n`, as in `180+n`");
     }
 
     proptest! {

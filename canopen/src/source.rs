@@ -285,6 +285,11 @@ pub fn in_our_words(message: &str) -> String {
     if let Some(said) = message.strip_prefix("invalid ").and_then(expected) {
         return said;
     }
+    if message.starts_with("mapping values are not allowed") {
+        return "a key with a value does not fit here: quote a text with `: ` in it, or check the \
+                indentation"
+            .to_owned();
+    }
     if message.contains("; use Option<") {
         return "a value is missing here".to_owned();
     }

@@ -24,7 +24,7 @@ PATIENCE = 60.0
 HEARTBEAT_TIME = (0x1017, 0)
 PROCESS_VALUE = (0x7400, 1)
 SET_POINT = (0x7402, 1)
-CONTROLLER_MODE = (0x6425, 1)
+CONTROL = (0x6425, 1)
 
 
 class Partner:
@@ -115,7 +115,7 @@ def work(partner):
 
     begun = master.read(PROCESS_VALUE, "h")
     master.write(SET_POINT, "h", begun + 200)
-    master.write(CONTROLLER_MODE, "B", 1)
+    master.write(CONTROL, "B", 1)
     # Each heartbeat is a moment to look.
     while master.read(PROCESS_VALUE, "h") < begun + 50:
         partner.receive(0x700)

@@ -54,12 +54,12 @@ Exit codes: 0 green, 1 a case failed, 2 usage, 3 a file cannot be read or writte
 pub enum Command {
     /// Run suites against a device under test
     Run(RunArgs),
-    /// List what would run and what would be skipped; `list suites`, `list mutants`, `list
-    /// freedoms`, `list personalities`
+    /// List what would run and what would be skipped; `list suites`, `list devices`, `list mutants`,
+    /// `list freedoms`, `list personalities`, and behind each a word of the names
     List(ListArgs),
     /// Check suites, register and mutants without a bus
     Check(CheckArgs),
-    /// Run a reference device on a CAN interface
+    /// Run a reference device on a CAN interface, or with --stdio as a program, which needs no CAN
     Serve(ServeArgs),
     /// List the nodes on a bus and the data sheets that match
     Scan(ScanArgs),
@@ -294,8 +294,14 @@ pub struct RenderArgs {
     pub color: When,
 }
 
+const LISTS: &str = "\
+Lists of names instead: `list suites`, `list devices`, `list mutants`, `list freedoms` and
+`list personalities`. Words or globs behind them choose names, as in
+`list mutants --target sim:em66 alarm`.";
+
 /// Arguments of `list`.
 #[derive(Debug, Clone, Args)]
+#[command(after_help = LISTS)]
 pub struct ListArgs {
     /// What to run, against what.
     #[command(flatten)]
@@ -338,10 +344,10 @@ pub struct ServeArgs {
     /// The reference device, or the folder of a device
     pub device: String,
     /// The interface, such as `vcan0`
-    #[arg(long, required_unless_present = "stdio", conflicts_with = "stdio")]
+    #[arg(long, conflicts_with = "stdio")]
     pub target: Option<String>,
     /// Speak lines of candump on standard input and output, as `--target exec:` wants it, until
-    /// standard input ends
+    /// standard input ends; this needs no CAN
     #[arg(long)]
     pub stdio: bool,
     /// Its node id; the device's usual one when absent
@@ -776,9 +782,10 @@ pub struct DecodeArgs {
     /// Node id of the device with the data sheet
     #[arg(long, value_parser = whole::<u8>(1..=127))]
     pub node: Option<u8>,
-    /// The reference device whose data sheet it is, instead of --eds
-    #[arg(long, value_name = "NAME", conflicts_with = "eds")]
-    pub device: Option<String>,
+    /// A device that has the data sheet of a reference device, with its node id if that is not the
+    /// usual one: `drr460` or `drr460@5`; may be repeated
+    #[arg(long, value_name = "NAME[@ID]")]
+    pub device: Vec<String>,
     /// Of a journal, only this case: its name, or a glob
     #[arg(long, value_name = "CASE")]
     pub case: Option<String>,

@@ -351,7 +351,13 @@ fn named(name: &str, known: &[Set], key: &str, of: &str) -> Result<(), Misfit> {
     if names.contains(&name) {
         return Ok(());
     }
-    let meant = did_you_mean(name, names.into_iter());
+    let meant = match did_you_mean(name, names.into_iter()) {
+        none if none.is_empty() => {
+            let kinds = Change::KINDS.map(|kind| format!("`{kind}`")).join(", ");
+            format!("; what is different stands under one of {kinds}")
+        }
+        meant => meant,
+    };
     Err(Misfit::at(&[key], format!("{of} has no rule `{name}`{meant}")))
 }
 

@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 
 use super::{At, Node, Place, Tree, formula};
+use crate::nearest::is_slip;
 
 /// Names that rows and arguments give a value.
 pub type Values = BTreeMap<String, Tree>;
@@ -53,7 +54,13 @@ impl Table {
             if columns[..number].iter().any(|other| other.value == *name) {
                 complain(column.place, format!("a column {name} stands here already"));
             } else if !content.iter().any(|part| part.mentions(name)) {
-                complain(column.place, format!("nothing uses ${name}"));
+                match slip_of(name, &columns, content, around) {
+                    Some(slip) => complain(
+                        slip.place,
+                        format!("no column is named {}; did you mean `${name}`?", slip.value),
+                    ),
+                    None => complain(column.place, format!("nothing uses ${name}; {REPEATS}")),
+                }
             }
         }
         let mut all = Vec::new();
@@ -86,18 +93,41 @@ impl Table {
     /// Names in `content` that no column has, with `$`, each with the place of its text. Names of
     /// another kind, such as `$NODEID`, are in capital letters.
     pub fn strangers(&self, content: &Tree) -> Vec<At<String>> {
-        let mut strangers = Vec::new();
-        let mut look = |text: &str, place: Place| {
-            for name in formula::names(text) {
-                if !self.columns.iter().any(|column| formula::has(&name, &column.value)) {
-                    strangers.push(At::new(name, place));
-                }
-            }
-        };
-        content.texts(&mut look);
-        strangers
+        strangers(&self.columns, content)
     }
 }
+
+fn strangers(columns: &[At<String>], content: &Tree) -> Vec<At<String>> {
+    let mut strangers = Vec::new();
+    let mut look = |text: &str, place: Place| {
+        for name in formula::names(text) {
+            if !columns.iter().any(|column| formula::has(&name, &column.value)) {
+                strangers.push(At::new(name, place));
+            }
+        }
+    };
+    content.texts(&mut look);
+    strangers
+}
+
+/// A name in `content` that nothing around the table has, and that differs from a column in one
+/// letter.
+fn slip_of(
+    column: &str,
+    columns: &[At<String>],
+    content: &[Tree],
+    around: &Values,
+) -> Option<At<String>> {
+    let all = content.iter().flat_map(|part| strangers(columns, part));
+    all.into_iter().find(|stranger| {
+        let is_known = around.keys().any(|name| formula::has(&stranger.value, name));
+        !is_known && is_slip(stranger.value.trim_start_matches('$'), column)
+    })
+}
+
+/// What somebody may have wanted who gives a table a column that nothing uses.
+const REPEATS: &str = "to send, ask or expect again without it, `produce`, `sync`, `ask` and \
+                       `measure` have a `count`";
 
 fn counted(count: usize, noun: &str) -> String {
     format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
@@ -220,8 +250,14 @@ mod tests {
 
     #[test]
     fn mistakes_in_tables_have_places() {
+        let unused = format!("nothing uses $b; {REPEATS}");
         for (text, place, said) in [
-            ("content: $a\nfor: [a, b]\nrows: [[1, 2]]\n", (2, 10), "nothing uses $b"),
+            ("content: $a\nfor: [a, b]\nrows: [[1, 2]]\n", (2, 10), unused.as_str()),
+            (
+                "content: $a $thn\nfor: [a, then]\nrows: [[1, 2]]\n",
+                (1, 10),
+                "no column is named $thn; did you mean `$then`?",
+            ),
             (
                 "content: $a\nfor: [a, a]\nrows: [[1, 2]]\n",
                 (2, 10),

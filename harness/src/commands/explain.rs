@@ -134,7 +134,10 @@ impl Book {
         let suite = self.library.suites.iter().find(|suite| suite.name() == name);
         let before = suite.map(|suite| suite_text(suite)).into_iter();
         let before = before.chain(option(name, &self.library.catalogue));
-        let texts: Vec<String> = before.chain(cases).collect();
+        let mut texts: Vec<String> = before.chain(cases).collect();
+        if !texts.is_empty() {
+            texts.extend(self.of_bench(name));
+        }
         if !texts.is_empty() {
             return Some(texts.join("\n"));
         }
@@ -352,11 +355,10 @@ impl Book {
                 Some(page.0)
             }
             4 => {
-                let object = object(code as u16, &self.library.catalogue);
+                let object = self.object(code as u16);
                 if object.is_some() && !EmcyCode(code as u16).is_named() {
                     return object;
                 }
-                let object = object.or_else(|| entries::of_devices(code as u16));
                 let emcy = EmcyCode(code as u16);
                 let mut page = Page::new(format!("emergency error code {code:04X}h"));
                 page.field("meaning", emcy.meaning());
@@ -386,6 +388,15 @@ impl Book {
     fn cases_that(&self, fits: impl Fn(&Case) -> bool) -> Vec<String> {
         let cases = self.cases().filter(|(_, case)| fits(&case.value));
         cases.map(|(suite, case)| full_name(suite, case)).collect()
+    }
+
+    fn object(&self, index: u16) -> Option<String> {
+        let known = object(index, &self.library.catalogue);
+        let own = entries::of_devices(index, &self.library.catalogue);
+        match (known, own) {
+            (Some(known), Some(own)) => Some(known + "\n" + &own),
+            (known, own) => known.or(own),
+        }
     }
 
     fn unknown(&self, name: &str) -> Refused {
@@ -519,7 +530,10 @@ const fn advice(abort: Abort) -> Option<&'static str> {
         0x0604_0041..=0x0604_0042 => "PDOMapping of the entry, and the sum of the mapped bits",
         0x0607_0010..=0x0607_0013 => "DataType of the entry in the data sheet",
         0x0609_0011 => "sub 0 of the object, which is the highest sub-index",
-        0x0609_0030..=0x0609_0032 => "LowLimit and HighLimit of the entry in the data sheet",
+        0x0609_0030..=0x0609_0032 => {
+            "LowLimit and HighLimit of the entry in the data sheet, or a parameter that must be \
+             written before it"
+        }
         0x0800_0022 => "the NMT state, or a PDO that must be switched off first",
         _ => return None,
     })

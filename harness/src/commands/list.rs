@@ -2,9 +2,10 @@
 
 use std::fmt::Write;
 
+use canopen::catalogue::Catalogue;
 use reference_devices::devices::ReferenceDevice;
 use reference_devices::{devices, freedom, mutant};
-use runner::plan::Plan;
+use runner::plan::{Plan, is_named};
 use runner::stop::Stop;
 
 use super::counted::counted;
@@ -22,8 +23,8 @@ use crate::target::{self, Selection, reference_device};
 pub(super) fn run(args: &ListArgs, stop: &Stop) -> Result<Exit, Refused> {
     let each = args.each()?;
     if let [ListArgs { selection, .. }] = &each[..]
-        && let [what] = selection.patterns.as_slice()
-        && let Some(listed) = list_of(what, selection)
+        && let [what, words @ ..] = selection.patterns.as_slice()
+        && let Some(listed) = list_of(what, words, selection)
     {
         return listed;
     }
@@ -84,19 +85,21 @@ fn plans_of(selection: &Selection, stop: &Stop) -> Result<Vec<Plan>, Refused> {
     }
 }
 
-/// The list that a word selects; `None` if it is the name of a suite or a case.
-fn list_of(what: &str, selection: &Selection) -> Option<Result<Exit, Refused>> {
+/// The list that a word selects, of what the other words name; `None` if it is the name of a suite
+/// or a case.
+fn list_of(what: &str, words: &[String], selection: &Selection) -> Option<Result<Exit, Refused>> {
     match what {
-        "suites" => Some(suites(selection)),
-        "mutants" => Some(named(selection, |device| {
+        "suites" => Some(suites(words, selection)),
+        "devices" => Some(devices_of(words)),
+        "mutants" => Some(named(words, selection, |device| {
             let mutants = mutant::of(device)?;
             Ok(mutants.into_iter().map(|mutant| (mutant.name, mutant.why)).collect())
         })),
-        "freedoms" => Some(named(selection, |device| {
+        "freedoms" => Some(named(words, selection, |device| {
             let freedoms = freedom::of(device)?;
             Ok(freedoms.into_iter().map(|freedom| (freedom.name, freedom.why)).collect())
         })),
-        "personalities" => Some(named(selection, |device| {
+        "personalities" => Some(named(words, selection, |device| {
             let all = freedom::personalities(device)?;
             Ok(all.into_iter().map(|known| (known.name, known.why)).collect())
         })),
@@ -104,23 +107,49 @@ fn list_of(what: &str, selection: &Selection) -> Option<Result<Exit, Refused>> {
     }
 }
 
+/// Whether one of the words, or a glob, is in a name. Without words, every name counts.
+fn is_wanted(name: &str, words: &[String]) -> bool {
+    words.is_empty() || words.iter().any(|word| name.contains(word) || is_named(word, name))
+}
+
+/// Prints the lines, or complains that nothing has such a name.
+fn listed(text: &str, words: &[String]) -> Result<Exit, Refused> {
+    if text.is_empty() && !words.is_empty() {
+        let words: Vec<String> = words.iter().map(|word| format!("`{word}`")).collect();
+        return Err(Refused::usage(format!("no name in this list has {}", words.join(" or "))));
+    }
+    say(text);
+    Ok(Exit::Green)
+}
+
+/// The reference devices, with what they are.
+fn devices_of(words: &[String]) -> Result<Exit, Refused> {
+    let mut text = String::new();
+    for name in devices::names().filter(|name| is_wanted(name, words)) {
+        let device = reference_device(name, Catalogue::built_in())?;
+        // Writing to a string cannot fail.
+        _ = writeln!(text, "{name}  {}", device.description.title);
+    }
+    listed(&text, words)
+}
+
 /// The suites, with what they are about.
-fn suites(selection: &Selection) -> Result<Exit, Refused> {
+fn suites(words: &[String], selection: &Selection) -> Result<Exit, Refused> {
     let library = selection.folders.load()?;
     let mut text = String::new();
-    for suite in &library.suites {
+    for suite in library.suites.iter().filter(|suite| is_wanted(suite.name(), words)) {
         let about = suite.file.about.as_deref().map(|about| format!("  {about}"));
         let cases = counted(suite.file.cases.len(), "case");
         // Writing to a string cannot fail.
         _ = writeln!(text, "{}  {cases}{}", suite.name(), about.unwrap_or_default());
     }
-    say(&text);
-    Ok(Exit::Green)
+    listed(&text, words)
 }
 
 /// The named items of each reference device, such as its mutants, each with its reason. A variant
 /// lists only those that its device does not have.
 fn named(
+    words: &[String],
     selection: &Selection,
     of: impl Fn(&ReferenceDevice) -> Result<Vec<(String, String)>, Refused>,
 ) -> Result<Exit, Refused> {
@@ -131,10 +160,9 @@ fn named(
     let mut text = String::new();
     for name in names {
         let device = reference_device(name, &catalogue)?;
-        for (known, why) in of(&device)? {
+        for (known, why) in of(&device)?.into_iter().filter(|(known, _)| is_wanted(known, words)) {
             _ = writeln!(text, "{name}  {known}  {why}");
         }
     }
-    say(&text);
-    Ok(Exit::Green)
+    listed(&text, words)
 }

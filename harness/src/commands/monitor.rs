@@ -73,8 +73,9 @@ pub(super) fn run(args: &MonitorArgs, stop: &Stop) -> Result<Exit, Refused> {
         }
     }
     source.end()?;
-    if args.check {
-        say(&summary.text());
+    if !args.check {
+        return Ok(Exit::Green);
     }
+    say(&summary.text());
     Ok(summary.exit())
 }

@@ -101,7 +101,19 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     }
     holes.iter().for_each(|hole| complain!("hole: {hole}"));
     complain!("{}", counted(holes.len(), "hole"));
+    note_where_own_suites_are_proved(args);
     Ok(Exit::Holes)
+}
+
+/// The mutants of the program break requirements of the program alone.
+fn note_where_own_suites_are_proved(args: &QualifyArgs) {
+    let of_program = args.device.as_deref().is_none_or(|name| devices::device(name).is_some());
+    if of_program && !args.folders.only.is_empty() {
+        complain!(
+            "note: suites of your own are proved on a device in a folder, whose `mutants.yaml` \
+             breaks their requirements: docs/src/device-as-data.md"
+        );
+    }
 }
 
 /// The command without its mutant that shows what one changes.

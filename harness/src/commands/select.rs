@@ -50,7 +50,15 @@ fn names_nothing<'p>(
     plans: impl Iterator<Item = &'p Plan>,
     selection: &Selection,
 ) -> Refused {
-    let message = nothing_named(pattern, plans);
+    let plans: Vec<&Plan> = plans.collect();
+    let of_another = selection.folders.load().ok().and_then(|library| {
+        let suite = library.suites.iter().find(|suite| suite.name() == pattern)?;
+        let device = &suite.file.device.as_ref()?.value;
+        let targets: BTreeSet<&str> = plans.iter().map(|plan| plan.dut.name.as_str()).collect();
+        let targets: Vec<&str> = targets.into_iter().collect();
+        Some(format!("suite `{pattern}` is for {device}, the target is {}", targets.join(", ")))
+    });
+    let message = of_another.unwrap_or_else(|| nothing_named(pattern, plans.into_iter()));
     let in_file = selection.file.iter().flat_map(|file| file.files()).find_map(|file| {
         let said = file.said.select.iter().find(|said| said.value == *pattern)?;
         Some(Complaint::at(&file.source, said.place, message.clone()))

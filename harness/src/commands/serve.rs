@@ -21,6 +21,7 @@ use crate::rig;
 use crate::system::{UnixListener, UnixStream, is_socket};
 use crate::target::{Named, reference_device};
 
+const NEEDS_NO_CAN: &str = "which needs no CAN";
 /// How long a request of a bench may wait while nothing ends the wait of the bus.
 const SLICE: Duration = Duration::from_millis(1);
 /// How many clients the bench has at once: a few programs and a few people.
@@ -33,6 +34,11 @@ const BUSY_SLICE: Duration = Duration::from_millis(20);
 /// # Errors
 /// When the device, the interface or the socket is not there, or the interface fails for good.
 pub(super) fn run(args: &ServeArgs, stop: &Stop) -> Result<Exit, Refused> {
+    if args.target.is_none() && !args.stdio {
+        return Err(Refused::usage(format!(
+            "name a CAN interface, such as `--target can0`, or give `--stdio`, {NEEDS_NO_CAN}"
+        )));
+    }
     let device = reference_device(&args.device, &*args.catalogue.load()?)?;
     let node = args.node.unwrap_or_else(|| device.description.default_node);
     let named = args.mutant.clone().map(Named::Mutant);
@@ -47,7 +53,7 @@ pub(super) fn run(args: &ServeArgs, stop: &Stop) -> Result<Exit, Refused> {
     let _held = stop.hold();
     let (mut bus, bell, slice): (Box<dyn Bus>, _, _) = match &args.target {
         Some(target) => {
-            let (bus, bell) = open(target, stop)?;
+            let (bus, bell) = open(&args.device, target, stop)?;
             (Box::new(bus), Some(bell), BUSY_SLICE)
         }
         None => (Box::new(Stdio::open(stop)), None, SLICE),
@@ -82,18 +88,28 @@ pub(super) fn run(args: &ServeArgs, stop: &Stop) -> Result<Exit, Refused> {
     }
 }
 
-fn open(name: &str, stop: &Stop) -> Result<(SocketCan, Bell), Refused> {
+fn open(device: &str, name: &str, stop: &Stop) -> Result<(SocketCan, Bell), Refused> {
     let interface = name.parse();
     let Ok(Interface::SocketCan(name)) = interface else {
         let why = match interface {
-            Ok(_) => "`serve` needs a network interface of Linux, such as `vcan0`".to_owned(),
-            Err(_) => format!("no interface is called `{name}`: write `vcan0` or `can0`"),
+            Ok(_) => format!(
+                "`serve` needs a network interface of Linux, such as `vcan0`, or `--stdio`, \
+                 {NEEDS_NO_CAN}"
+            ),
+            Err(_) => format!(
+                "no interface is called `{name}`: write `vcan0` or `can0`, or `--stdio`, \
+                 {NEEDS_NO_CAN}"
+            ),
         };
         return Err(Refused::usage(why));
     };
     let opened = SocketCan::open(&name, stop.clone());
     let opened = opened.and_then(SocketCan::deaf_to_loads).and_then(SocketCan::with_bell);
-    opened.map_err(|error| Refused::bus(error.to_string()))
+    opened.map_err(|error| {
+        Refused::bus(format!(
+            "{error}\n  `serve {device} --stdio` speaks lines of candump, {NEEDS_NO_CAN}"
+        ))
+    })
 }
 
 /// The served device as a bench.

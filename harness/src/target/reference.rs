@@ -83,12 +83,7 @@ impl Named {
                 let mutants = mutant::of(device)?;
                 let names = || mutants.iter().map(|mutant| mutant.name.as_str());
                 let mutant = mutants.iter().find(|mutant| mutant.name == *name);
-                let others = || {
-                    of_others(device, |other| {
-                        mutant::of(other).is_ok_and(|all| all.iter().any(|it| it.name == *name))
-                    })
-                };
-                let missing = || none(["mutant", "mutants"], name, device, names(), others());
+                let missing = || none(device, "mutant", "mutants", name, names());
                 Ok(mutant.ok_or_else(missing)?.deviation())
             }
             Self::Freedom(list) => {
@@ -97,12 +92,7 @@ impl Named {
                 let mut chosen = Vec::new();
                 for name in list.split(',') {
                     let freedom = freedoms.iter().find(|freedom| freedom.name == name);
-                    let others = || {
-                        of_others(device, |other| {
-                            freedom::of(other).is_ok_and(|all| all.iter().any(|it| it.name == name))
-                        })
-                    };
-                    let missing = || none(["freedom", "freedoms"], name, device, names(), others());
+                    let missing = || none(device, "freedom", "freedoms", name, names());
                     chosen.push(freedom.ok_or_else(missing)?);
                 }
                 Ok(freedom::mixture(chosen))
@@ -111,43 +101,47 @@ impl Named {
                 let all = freedom::personalities(device)?;
                 let names = || all.iter().map(|personality| personality.name.as_str());
                 let personality = all.iter().find(|personality| personality.name == *name);
-                let kind = ["personality", "personalities"];
-                let missing = || none(kind, name, device, names(), Vec::new());
+                let missing = || none(device, "personality", "personalities", name, names());
                 Ok(personality.ok_or_else(missing)?.deviation())
             }
         }
     }
 }
 
-/// The other reference devices of which something holds, without variants beside their device.
-fn of_others(
-    device: &ReferenceDevice,
-    has: impl Fn(&ReferenceDevice) -> bool,
-) -> Vec<&'static str> {
-    let family = device.family();
-    let mut found: Vec<&str> = Vec::new();
-    for other in devices::all().filter(|other| other.family() != family && has(other)) {
-        if !found.contains(&other.family()) {
-            found.push(other.family());
-        }
-    }
-    found
-}
-
-/// The complaint about a deviation that a device does not have, although others may.
+/// The sentence for a deviation that a device does not have. Another device may have it.
 fn none<'n>(
-    [kind, list]: [&str; 2],
-    name: &str,
     device: &ReferenceDevice,
-    names: impl Iterator<Item = &'n str>,
-    others: Vec<&str>,
+    kind: &str,
+    list: &str,
+    name: &str,
+    mut names: impl Iterator<Item = &'n str> + Clone,
 ) -> Refused {
-    let of = &device.description.device;
-    let meant = match others.is_empty() {
-        true => did_you_mean(name, names),
-        false => format!("; it is one of {}", others.join(", ")),
+    let meant = did_you_mean(name, names.clone());
+    let all = devices::names().filter_map(devices::device);
+    let has = |other: &ReferenceDevice| match list {
+        "mutants" => mutant::of(other).is_ok_and(|all| all.iter().any(|it| it.name == name)),
+        "freedoms" => freedom::of(other).is_ok_and(|all| all.iter().any(|it| it.name == name)),
+        _ => freedom::personalities(other).is_ok_and(|all| all.iter().any(|it| it.name == name)),
     };
-    Refused::usage(format!("{of} has no {kind} `{name}`; `harness list {list}` names all{meant}"))
+    let others: Vec<String> =
+        all.filter(has).map(|other| other.description.device.clone()).collect();
+    let of_others = match &others[..] {
+        [] => String::new(),
+        [one] => format!("; {one} has it"),
+        many => format!("; these have it: {}", many.join(", ")),
+    };
+    let device = &device.description.device;
+    // A device in a folder is named by its path.
+    let target = match devices::device(device) {
+        Some(_) => format!(" --target sim:{device}"),
+        None => String::new(),
+    };
+    Refused::usage(match names.next() {
+        None => format!("{device} has no {list}, so no `{name}`{of_others}"),
+        Some(_) => {
+            format!("no {kind} `{name}`; `harness list {list}{target}` names all{of_others}{meant}")
+        }
+    })
 }
 
 /// The sentence for a name that no reference device has.

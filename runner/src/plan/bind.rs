@@ -135,7 +135,7 @@ fn bind_case(
         let (suite, relaxed) = (Arc::clone(suite), BTreeMap::new());
         Instance { suite, case: place, label, scope, fate, relaxed }
     };
-    check::requires(suite, case, dut).map_err(|complaint| vec![complaint])?;
+    check::requires(suite, case, dut, model).map_err(|complaint| vec![complaint])?;
     let mut only = |bound: Instance| Ok(Some(bound).filter(&mut *holds).into_iter().collect());
     let lacks = || case.requires.iter().find_map(|requires| lacks(&requires.value, dut, suite));
     let no_sheet = || dut.sheet.composed.then(|| about_the_sheet(case)).flatten();

@@ -25,8 +25,14 @@ use crate::suite::step::{
     Ask, Bounds, FastscanStep, LssStep, Measure, Observe, Produce, Read, Remap, Step, Until, Write,
 };
 
-/// Checks that what a case requires can exist at all.
-pub(super) fn requires(suite: &Suite, case: &Case, dut: &Dut) -> Result<(), Complaint> {
+/// Checks that what a case requires can exist at all. `model` is the data sheet of the device that
+/// the suite is for.
+pub(super) fn requires(
+    suite: &Suite,
+    case: &Case,
+    dut: &Dut,
+    model: Option<&Eds>,
+) -> Result<(), Complaint> {
     for At { value: requires, place } in &case.requires {
         check_capabilities(requires, suite)
             .map_err(|wrong| Complaint::at(&suite.source, wrong.place, wrong.value))?;
@@ -41,6 +47,9 @@ pub(super) fn requires(suite: &Suite, case: &Case, dut: &Dut) -> Result<(), Comp
         }
         for object in objects.into_iter().flatten() {
             required_object(object, requires.absent.is_some(), suite, dut)?;
+            if requires.absent.is_none() {
+                required_sub(object, suite, dut, model)?;
+            }
         }
     }
     Ok(())
@@ -73,6 +82,33 @@ fn required_object(
             Err(Complaint::at(&suite.source, object.place, message))
         }
     }
+}
+
+/// Checks the sub-index of an object of the manufacturer that a suite of the user names for one
+/// device. A suite of this program may be for a family, whose smaller members lack channels.
+fn required_sub(
+    object: &At<ObjectRef>,
+    suite: &Suite,
+    dut: &Dut,
+    model: Option<&Eds>,
+) -> Result<(), Complaint> {
+    const MANUFACTURER: std::ops::RangeInclusive<u16> = 0x2000..=0x5FFF;
+    let (ObjectRef::Fixed(mux), Some(model)) = (&object.value, model) else { return Ok(()) };
+    let mux = *mux;
+    let is_of_user = suite.file.device.is_some() && !suite.is_built_in;
+    let Some(known) = model.object(mux.index) else { return Ok(()) };
+    let is_there = model.entry(mux).is_some() || dut.eds.entry(mux).is_some();
+    if !is_of_user || is_there || !MANUFACTURER.contains(&mux.index) {
+        return Ok(());
+    }
+    let subs: Vec<String> =
+        known.entries.iter().map(|entry| format!("{:02X}", entry.mux.sub)).collect();
+    let subs = match &subs[..] {
+        [first, .., last] if subs.len() > 8 => format!("{first} to {last}"),
+        some => some.join(", "),
+    };
+    let message = format!("unknown object {mux}: {:04X}h has the sub-indices {subs}", mux.index);
+    Err(Complaint::at(&suite.source, object.place, message))
 }
 
 /// The result of checking an instance before it runs.
@@ -574,12 +610,13 @@ impl<'c> Checker<'c> {
     }
 
     fn unused(&mut self) {
-        let matrix = self.case.matrix.iter().map(|(name, values)| (name, &values.place));
-        let names = matrix.chain(self.saved.iter().map(|(name, place)| (name, place)));
-        let unused = names.filter(|(name, _)| !self.scope.uses(name));
-        let unused: Vec<_> = unused.map(|(name, place)| (name.clone(), *place)).collect();
-        for (name, place) in unused {
-            self.complain(place, format!("${name} is never used"));
+        let help = "; to send or ask again, `produce`, `sync`, `ask` and `measure` have a `count`";
+        let matrix = self.case.matrix.iter().map(|(name, values)| (name, &values.place, help));
+        let names = matrix.chain(self.saved.iter().map(|(name, place)| (name, place, "")));
+        let unused = names.filter(|(name, ..)| !self.scope.uses(name));
+        let unused: Vec<_> = unused.map(|(name, at, help)| (name.clone(), *at, help)).collect();
+        for (name, place, help) in unused {
+            self.complain(place, format!("${name} is never used{help}"));
         }
     }
 

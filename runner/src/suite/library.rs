@@ -323,13 +323,24 @@ fn unknown_requirements(suites: &[Arc<Suite>], register: &Register) -> Vec<Compl
             }
             for id in case.value.checks.iter().filter(|id| register.find(&id.value).is_none()) {
                 let ids = register.iter().map(|(id, _)| id);
-                let meant = did_you_mean(&id.value, ids);
+                let meant = match is_of_program(&id.value) && register.lacks_document_of(&id.value)
+                {
+                    true => "; `--only-suites` leaves out the register of this program, and \
+                             `--suites` keeps it"
+                        .to_owned(),
+                    false => did_you_mean(&id.value, ids),
+                };
                 let message = format!("no requirement `{}` in the register{meant}", id.value);
                 complaints.push(Complaint::at(&suite.source, id.place, message));
             }
         }
     }
     complaints
+}
+
+/// Whether an id looks like one of the documents of CiA and EUROMAP, which this program has.
+fn is_of_program(id: &str) -> bool {
+    ["CIA301-", "CIA305-", "CIA306-", "CIA401-", "EM66-"].iter().any(|start| id.starts_with(start))
 }
 
 /// A relaxation must name a requirement, as far as its document is loaded.

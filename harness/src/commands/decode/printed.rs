@@ -1,8 +1,9 @@
 //! A trace in words, as it is printed.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Duration;
 
 use canopen::catalogue::Catalogue;
 use canopen::decoder::PdoLayout;
@@ -44,6 +45,11 @@ pub(in crate::commands) struct Printed<'a> {
     /// The first time stamp of a log, which is the time of a day.
     first: Option<Instant>,
     frames: usize,
+    /// The nodes that send.
+    senders: BTreeSet<u8>,
+    /// The last time stamp of a log, and where the time first ran backwards.
+    last: Instant,
+    backwards: Option<(Instant, Instant)>,
     /// The case of a journal that is printed, by its name or a glob, and whether this is it.
     wanted: Option<String>,
     shown: bool,
@@ -68,6 +74,9 @@ impl<'a> Printed<'a> {
             names: Arc::default(),
             first: None,
             frames: 0,
+            senders: BTreeSet::new(),
+            last: Instant::ZERO,
+            backwards: None,
             shown: wanted.is_none(),
             wanted,
             silent: false,
@@ -97,6 +106,7 @@ impl<'a> Printed<'a> {
             Said::Line(line) => {
                 let first = *self.first.get_or_insert_with(|| line.at.unwrap_or(Instant::ZERO));
                 let at = line.at.map(|at| Instant(at.0.saturating_sub(first.0)));
+                self.clock(line.at);
                 self.frame(at, if line.sent { "TX  " } else { "" }, &line.frame);
             }
             Said::Event(event) => self.event(event),
@@ -105,6 +115,15 @@ impl<'a> Printed<'a> {
                 self.skipped.get_or_insert_with(|| (*number, why.clone()));
             }
         }
+    }
+
+    /// Notes the time of a line.
+    fn clock(&mut self, at: Option<Instant>) {
+        let Some(at) = at else { return };
+        if at + OUT_OF_ORDER < self.last {
+            self.backwards.get_or_insert((self.last, at));
+        }
+        self.last = at;
     }
 
     /// A line of a journal.
@@ -165,11 +184,13 @@ impl<'a> Printed<'a> {
         direction: &str,
         frame: &Frame,
     ) {
+        self.senders.extend(sender(frame));
         if self.silent {
             self.frames += 1;
             return;
         }
         let text = self.decoder.see(frame);
+        self.senders.extend(text.starts_with("TPDO").then(|| node_of(&text)).flatten());
         self.frames += usize::from(self.shown);
         let at = at.map_or_else(String::new, |at| format!("{:>STAMP$}  ", at.to_string()));
         let frame = frame.to_string();
@@ -182,9 +203,8 @@ impl<'a> Printed<'a> {
         if let [one] = self.described.as_slice() {
             return &one.names;
         }
-        let node = text.split("node ").nth(1).unwrap_or_default();
-        let node = node.split(|c: char| !c.is_ascii_digit()).next().unwrap_or_default();
-        let about = self.described.iter().find(|it| it.node.to_string() == node);
+        let node = node_of(text);
+        let about = self.described.iter().find(|it| node == Some(it.node));
         about.map_or(&self.names, |it| &it.names)
     }
 
@@ -218,10 +238,45 @@ impl<'a> Printed<'a> {
             }
             (_, None) => {}
         }
+        if let Some((from, to)) = self.backwards {
+            complain!(
+                "note: the time of {file} runs backwards, first from {from} s to {to} s; times are \
+                 right only within one recording"
+            );
+        }
+        let senders: Vec<String> = self.senders.iter().map(u8::to_string).collect();
+        let senders = match &senders[..] {
+            [] => "no node sends any".to_owned(),
+            [one] => format!("node {one} sends"),
+            many => format!("nodes {} send", many.join(", ")),
+        };
+        for node in self.described.iter().map(|it| it.node) {
+            if !self.senders.contains(&node) {
+                complain!(
+                    "note: no frame of {file} is from node {node}, whose data sheet is named; \
+                     {senders}"
+                );
+            }
+        }
         Ok(Exit::Green)
     }
 }
 
+/// The node that sends a frame by the predefined connection set.
+fn sender(frame: &Frame) -> Option<u8> {
+    let id = frame.data_id()?;
+    let of_node = matches!(id & !0x7F, 0x080 | 0x180 | 0x280 | 0x380 | 0x480 | 0x580 | 0x700);
+    Some((id & 0x7F) as u8).filter(|node| of_node && *node != 0)
+}
+
+/// The node that a text is about.
+fn node_of(text: &str) -> Option<u8> {
+    let node = text.split("node ").nth(1)?;
+    node.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok()
+}
+
+/// Some adapters stamp frames out of order, by less than this.
+const OUT_OF_ORDER: Duration = Duration::from_millis(10);
 const STAMP: usize = 11;
 /// The width of the longest frame with an 11-bit identifier.
 const FRAME: usize = 20;

@@ -1,7 +1,7 @@
 //! Entries by their addresses, `3000:0A`, as a failure shows them: what they are in each reference
 //! device.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use canopen::Mux;
 use canopen::catalogue::Catalogue;
@@ -32,19 +32,44 @@ pub(super) fn entry(name: &str, catalogue: &Catalogue) -> Option<String> {
     }
 }
 
-/// Explains an object by its name in each reference device that has it.
-pub(super) fn of_devices(index: u16) -> Option<String> {
-    let mut same = BTreeMap::<String, Vec<&str>>::new();
-    for device in devices::all() {
+/// What the descriptions of reference devices say of an object beyond its profile, or its name where
+/// no profile has it; `None` when they say nothing.
+pub(super) fn of_devices(index: u16, catalogue: &Catalogue) -> Option<String> {
+    let (mut known, mut is_known) = (BTreeSet::new(), false);
+    for facts in catalogue.profiles().iter().filter_map(|profile| profile.lookup(index)) {
+        is_known = true;
+        let subs = facts.subs.values().filter_map(|facts| facts.doc.as_ref());
+        known.extend(facts.doc.iter().chain(subs).map(|doc| doc.trim().to_owned()));
+    }
+    let mut said = BTreeMap::<Vec<String>, Vec<&str>>::new();
+    for name in devices::names() {
+        let Ok(device) = reference_device(name, Catalogue::built_in()) else { continue };
         let description = &device.description;
-        if let Some(object) = description.eds.object(index) {
-            same.entry(object.name.clone()).or_default().push(&description.device);
+        let head = description.heads.get(&index).and_then(|note| note.doc.clone());
+        let of_object = |mux: &Mux| mux.index == index;
+        let notes = description.notes.iter().filter(|(mux, _)| of_object(mux));
+        let has_subs = description.eds.object(index).is_some_and(|it| it.kind.has_subs());
+        let docs = notes.filter_map(|(mux, note)| {
+            let doc = note.doc.as_ref().filter(|doc| !known.contains(doc.trim()))?;
+            Some(if has_subs { format!("sub {}: {}", mux.sub, doc.trim()) } else { doc.clone() })
+        });
+        let head = head.filter(|doc| !known.contains(doc.trim()));
+        let object = description.eds.object(index).filter(|_| !is_known);
+        let named = object.map(|object| object.name.clone());
+        let texts: Vec<String> = named.into_iter().chain(head).chain(docs).collect();
+        if !texts.is_empty() {
+            said.entry(texts).or_default().push(name);
         }
     }
-    let mut page = Page::new(format!("object {index:04X}h of reference devices"));
-    by_device(&mut page, &same);
-    page.field("entries", &format!("harness explain {index:04X}:00"));
-    (!same.is_empty()).then_some(page.0)
+    let mut page = Page::new(format!("object {index:04X}h in reference devices"));
+    for (texts, devices) in &said {
+        page.field("in", &devices.join(", "));
+        texts.iter().for_each(|text| page.more(text.trim()));
+    }
+    if !is_known {
+        page.field("entries", &format!("harness explain {index:04X}:00"));
+    }
+    (!said.is_empty()).then_some(page.0)
 }
 
 /// Each text with the devices of which it is true.

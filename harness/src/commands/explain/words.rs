@@ -37,7 +37,7 @@ impl Book {
         Some(page.0)
     }
 
-    fn of_bench(&self, name: &str) -> Option<String> {
+    pub(super) fn of_bench(&self, name: &str) -> Option<String> {
         let family = NAMES.contains(&name);
         if !family && !is_known(name) {
             return None;
@@ -53,11 +53,26 @@ impl Book {
         };
         let mut page = Page::new(format!("`{name}` of the bench"));
         page.field("means", "a stimulus or an observation on the physical side of the device");
-        page.more("see `The bench` in suites/README.md");
+        page.field("value", &bench_value(name).unwrap_or_default());
         let cases = self.cases().filter(|(_, case)| case.value.all_steps().any(|s| uses(&s.value)));
         page.list("used in", cases.map(|(suite, case)| full_name(suite, case)).collect());
         Some(page.0)
     }
+}
+
+/// What the table of the notation says of a name of the bench: its values, their unit and range.
+fn bench_value(name: &str) -> Option<String> {
+    const NOTATION: &str = include_str!("../../../../suites/README.md");
+    let (_, bench) = NOTATION.split_once("\n## The bench\n")?;
+    let rows = bench.lines().filter_map(|line| line.strip_prefix("| `"));
+    let means = |known: &str| match known.strip_suffix('-') {
+        Some(_) => name == known || is_known(name) && name.starts_with(known),
+        None => name == known,
+    };
+    let mut cells = rows.filter_map(|row| row.strip_suffix(" |")?.split_once(" | "));
+    let (_, value) =
+        cells.find(|(names, _)| names.split(", ").any(|it| means(it.trim_matches('`'))))?;
+    Some(value.replace('`', ""))
 }
 
 fn verdict(name: &str) -> Option<String> {
@@ -88,4 +103,17 @@ fn step(name: &str) -> Option<String> {
 
 fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_of_the_bench_has_its_values() {
+        for name in NAMES {
+            assert!(bench_value(name).is_some(), "{name} has no row in suites/README.md");
+        }
+        assert!(bench_value("analogue-input-3").unwrap().contains("16 bits"));
+    }
 }

@@ -1,10 +1,13 @@
 //! The devices that are judged.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use campaign::{Belief, Blueprint, Listener, Seen};
-use canopen::Instant;
 use canopen::catalogue::Catalogue;
+use canopen::emcy::{self, Emcy, EmcyCode};
+use canopen::sdo::{RESPONSE_COB_ID, Response};
+use canopen::{Decoder, Frame, Instant};
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::freedom;
 use reference_devices::stack::NodeSettings;
@@ -14,7 +17,7 @@ use runner::dut::Sheet;
 use super::source::Traits;
 use super::summary::Summary;
 use crate::cli::MonitorArgs;
-use crate::commands::decode::Described;
+use crate::commands::decode::{Described, named};
 use crate::exit::Refused;
 use crate::plugged::Plugged;
 use crate::target::{DEFAULT_BIT_RATE, read_eds, reference_device};
@@ -56,16 +59,6 @@ pub(super) fn known(args: &MonitorArgs, catalogue: &Catalogue) -> Result<Vec<Kno
         all.push(Known::of_device(&device, node, bit_rate));
     }
     Ok(all)
-}
-
-/// A name with the node id behind it, if it is there.
-fn named(text: &str) -> Result<(&str, Option<u8>), Refused> {
-    let Some((name, node)) = text.rsplit_once('@') else { return Ok((text, None)) };
-    let id = node.parse().ok().filter(|id| (1..=127).contains(id));
-    let id = id.ok_or_else(|| {
-        Refused::usage(format!("`{node}` in `--device {text}` is not a node id from 1 to 127"))
-    })?;
-    Ok((name, Some(id)))
 }
 
 /// The device of a part of a journal, by what the user names or by its name; none when nobody knows
@@ -128,6 +121,20 @@ pub(super) struct Judge<'b> {
     pub(super) listener: Listener<'b>,
     /// When what is wrong was noticed, for people.
     pub(super) times: Vec<Instant>,
+    decoder: Decoder,
+    pub(super) unjudged: Unjudged,
+}
+
+/// The frames of a device that carry what its application decides. Without a model of that, they
+/// are judged by their form, and not by their values.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Unjudged {
+    /// Process data.
+    pub(super) pdos: usize,
+    /// Answers of the SDO server: values, and refusals.
+    pub(super) answers: usize,
+    /// Emergency messages about errors of the application.
+    pub(super) emergencies: usize,
 }
 
 impl<'b> Judge<'b> {
@@ -142,8 +149,11 @@ impl<'b> Judge<'b> {
         let belief =
             belief.ok_or_else(|| Refused::usage("the data sheet does not make a device"))?;
         let listener = Listener::new(blueprint, belief, traits.is_virtual);
-        let (name, node) = (known.name.clone(), known.described.node);
-        Ok(Self { name, node, blueprint, listener, times: Vec::new() })
+        let (name, Described { node, eds, .. }) = (known.name.clone(), &known.described);
+        let decoder = Decoder::of_device(*node, eds, BTreeMap::new());
+        let (times, unjudged) = (Vec::new(), Unjudged::default());
+        let node = *node;
+        Ok(Self { name, node, blueprint, listener, times, decoder, unjudged })
     }
 
     /// Judges what happened. Returns what is wrong, if it is.
@@ -153,10 +163,35 @@ impl<'b> Judge<'b> {
         stamp: &impl Fn(Instant) -> Instant,
     ) -> Option<String> {
         self.listener.see(seen);
+        if let Seen::Frame(stamped) = seen {
+            self.count(&stamped.frame);
+        }
         let (at, finding) = self.listener.findings().get(self.times.len())?;
         let (name, node, at) = (&self.name, self.node, stamp(*at));
         self.times.push(at);
         Some(format!("WRONG {name}, node {node}, at {at} s: {}\n", finding.violation))
+    }
+
+    /// Counts a frame of the device whose value only its application knows.
+    fn count(&mut self, frame: &Frame) {
+        let seen = self.decoder.read(frame);
+        let is_of_application = |mux| self.blueprint.is_of_application(mux);
+        if let Some(pdo) = seen.pdo.filter(|pdo| pdo.parameter >= FIRST_TPDO && !frame.remote) {
+            let mut mapped = pdo.mapping.iter().map(|mapping| mapping.mux);
+            self.unjudged.pdos += usize::from(mapped.any(is_of_application));
+        }
+        let given = seen.given.filter(|given| !given.written).map(|given| given.mux);
+        let is_answer = frame.data_id() == Some(RESPONSE_COB_ID + u16::from(self.node));
+        let refused = match is_answer.then(|| Response::decode(&frame.data)) {
+            Some(Ok(Response::Abort(mux, _))) => Some(mux),
+            _ => None,
+        };
+        self.unjudged.answers += usize::from(given.or(refused).is_some_and(is_of_application));
+        let is_emergency = frame.data_id() == Some(emcy::COB_ID + u16::from(self.node));
+        let emergency = is_emergency.then(|| Emcy::decode(&frame.data).ok()).flatten();
+        let of_application =
+            |it: Emcy| !it.code.is_of_communication() && it.code != EmcyCode::RESET;
+        self.unjudged.emergencies += usize::from(emergency.is_some_and(of_application));
     }
 
     /// Somebody acted on the physical side of the device.
@@ -174,3 +209,6 @@ impl<'b> Judge<'b> {
         self.listener.lose();
     }
 }
+
+/// The communication parameter of the first PDO that a device sends.
+const FIRST_TPDO: u16 = 0x1800;

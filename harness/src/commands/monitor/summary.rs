@@ -5,7 +5,7 @@ use std::fmt::Write;
 use campaign::{Blueprint, Candidate, Finding};
 use runner::suite::Register;
 
-use super::judge::Judge;
+use super::judge::{Judge, Unjudged};
 use crate::commands::counted::counted;
 use crate::commands::fuzz::{Cause, group};
 use crate::exit::Exit;
@@ -52,6 +52,9 @@ impl<'r> Summary<'r> {
             heard.open,
             findings.len(),
         );
+        if let Some(said) = unjudged(judge.unjudged) {
+            _ = writeln!(text, "  not judged: what the application decides, in {said}");
+        }
         for freedom in judge.listener.campaign().belief().freedoms() {
             let clauses = freedom.clauses.join(", ");
             _ = writeln!(text, "  learnt: {}: {} ({clauses})", freedom.name, freedom.why);
@@ -105,13 +108,30 @@ impl<'r> Summary<'r> {
     /// All of it, for people.
     pub(super) fn text(&self) -> String {
         match self.devices {
-            0 => self.text.clone() + "no device was judged: --node ID --eds FILE names one\n",
+            0 => {
+                self.text.clone()
+                    + "no device was judged: `--device NAME@ID` names one like a reference device, and \
+                  `--node ID --eds FILE` any other\n"
+            }
             _ => self.text.clone(),
         }
     }
 
     /// The exit code that it makes.
     pub(super) const fn exit(&self) -> Exit {
-        if self.is_wrong { Exit::Failed } else { Exit::Green }
+        match (self.is_wrong, self.devices) {
+            (true, _) => Exit::Failed,
+            (false, 0) => Exit::NothingRan,
+            (false, _) => Exit::Green,
+        }
     }
+}
+
+/// In how many frames the application decides something; `None` when in none.
+fn unjudged(Unjudged { pdos, answers, emergencies }: Unjudged) -> Option<String> {
+    let all =
+        [(pdos, "PDO"), (answers, "SDO answer"), (emergencies, "emergency message")].into_iter();
+    let all: Vec<String> =
+        all.filter(|(count, _)| *count > 0).map(|(count, noun)| counted(count, noun)).collect();
+    (!all.is_empty()).then(|| all.join(", "))
 }
