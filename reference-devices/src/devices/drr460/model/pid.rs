@@ -59,8 +59,7 @@ impl Settings {
 pub(super) struct Pid {
     /// A share of the full output.
     integral: f64,
-    /// The deviation from the set point, through a filter of the first order with a time constant
-    /// of `SECOND`.
+    /// The deviation from the set point, through a filter of the first order.
     slow: Option<f64>,
     /// Digits in a second.
     rate: f64,
@@ -91,7 +90,8 @@ impl Pid {
         };
         let deviation = counts as f64 / settings.band;
         let proportional = if settings.is_proportional { deviation } else { 0.0 };
-        self.approach(missing, rules.set_point_step(moved), elapsed);
+        let filter = rules.derivative_filter();
+        self.approach(missing, rules.set_point_step(moved), elapsed, filter);
         let derivative = self.rate / settings.band * settings.derivative_time;
         let centre = if settings.centred { 0.5 } else { 0.0 };
         let lowest = if settings.cooling_band.is_some() { -1.0 } else { 0.0 };
@@ -116,14 +116,15 @@ impl Pid {
         Outputs { command, cooling: self.cooling(wanted, settings) }
     }
 
-    /// How fast the process approaches the set point.
-    fn approach(&mut self, missing: i64, moved: i64, elapsed: f64) {
+    /// How fast the process approaches the set point, through a filter with this time constant in
+    /// seconds.
+    fn approach(&mut self, missing: i64, moved: i64, elapsed: f64, filter: f64) {
         let missing = missing as f64;
         let slow = self.slow.map_or(missing, |slow| slow + moved as f64);
-        let slow = missing + (slow - missing) * (-elapsed / SECOND).exp();
+        let slow = missing + (slow - missing) * (-elapsed / filter).exp();
         let distance = slow - missing;
         let slow = if distance.abs() < NOTICED { missing } else { slow };
-        (self.slow, self.rate) = (Some(slow), (slow - missing) / SECOND);
+        (self.slow, self.rate) = (Some(slow), (slow - missing) / filter);
     }
 
     /// Whether another look at the same process would say the same.
@@ -146,8 +147,6 @@ impl Pid {
     }
 }
 
-/// The time constant of the filter of the derivative, in seconds.
-const SECOND: f64 = 1.0;
 /// Digits below which the filter has arrived.
 const NOTICED: f64 = 0.01;
 /// Digits that the integral part takes for a band where there is none. The manual has no figure.

@@ -355,6 +355,11 @@ decisions! {
         missing
     }
 
+    /// The time constant of the filter of the derivative, in seconds. The manual has no figure.
+    fn derivative_filter(&self) -> f64 {
+        1.0
+    }
+
     /// The derivative looks at the process alone, so a set point that moves is taken out of it.
     fn set_point_step(&self, moved: i64) -> i64 {
         moved
