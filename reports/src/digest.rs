@@ -79,6 +79,8 @@ pub(crate) struct Cause {
     pub(crate) expected: String,
     pub(crate) came: String,
     pub(crate) says: Vec<String>,
+    /// The decisions on them where the document leaves room.
+    pub(crate) decided: Vec<String>,
     pub(crate) waiver: Option<String>,
     /// The devices and the names of the instances.
     pub(crate) instances: Vec<(String, String)>,
@@ -126,11 +128,13 @@ impl<'r> Digest<'r> {
                 names => clean(&names.join(", ")),
             },
             result: match (is_green, ended) {
-                (_, None) => "The run did not come to its end",
-                (true, _) if counts.of(Verdict::Waived) > 0 => "What is broken is waived",
-                (true, _) => "No requirement is broken",
-                (false, _) if run.is_green() => "The run is not green",
-                (false, _) => "Not conformant, or not decided",
+                (_, None) => "The run did not come to its end".to_owned(),
+                (true, _) if counts.of(Verdict::Waived) > 0 => {
+                    as_far_as_tested(run, "What is broken is waived")
+                }
+                (true, _) => as_far_as_tested(run, "No requirement is broken"),
+                (false, _) if run.is_green() => "The run is not green".to_owned(),
+                (false, _) => "Not conformant, or not decided".to_owned(),
             },
             is_green,
             stopped: ended.and_then(|it| it.reason.as_deref()).map(clean),
@@ -323,6 +327,13 @@ impl Cause {
             expected,
             came,
             says: says.collect(),
+            decided: case
+                .info
+                .checks
+                .iter()
+                .filter_map(|it| it.decided.as_deref())
+                .map(clean)
+                .collect(),
             waiver,
             instances: listed
                 .map(|(_, device, case)| (clean(&device.info.device), clean(&case.info.name())))

@@ -227,6 +227,9 @@ pub struct Check {
     /// The decision of the device's own document by which it is only a `should` for this device.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relaxed_by: Option<Arc<str>>,
+    /// The decision of the register where the document leaves room, with its id.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub decided: Option<Arc<str>>,
     /// The demand of the document there.
     pub says: Arc<str>,
 }

@@ -148,6 +148,9 @@ struct Requirement<'r> {
     /// `must`, `should` or `may`.
     level: &'r str,
     says: &'r str,
+    /// The decision where the document leaves room, with its id.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    decided: Option<&'r str>,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -340,8 +343,8 @@ impl ToolCheck {
 
 impl<'r> Requirement<'r> {
     fn of(check: &'r Check) -> Self {
-        let Check { document, clause, level, says, .. } = check;
-        Self { document, clause, level, says }
+        let Check { document, clause, level, says, decided, .. } = check;
+        Self { document, clause, level, says, decided: decided.as_deref() }
     }
 }
 

@@ -115,7 +115,9 @@ fn causes(digest: &Digest<'_>, out: &mut dyn Write) -> io::Result<()> {
 fn rows(causes: &[&Cause], out: &mut dyn Write, last: impl Fn(&Cause) -> String) -> io::Result<()> {
     for cause in causes.iter().take(MOST_CAUSES) {
         let (verdict, total) = (cause.verdict, cause.total());
-        let (service, said) = (escaped(&cause.service), escaped(&cause.said));
+        let decided = cause.decided.iter().map(|said| format!("\ndecided {said}"));
+        let said = cause.said.clone() + &decided.collect::<String>();
+        let (service, said) = (escaped(&cause.service), escaped(&said));
         writeln!(out, "| {verdict} | {total} | {service} | {said} | {} |", last(cause))?;
     }
     let more = causes.len().saturating_sub(MOST_CAUSES);
