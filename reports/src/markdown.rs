@@ -32,7 +32,7 @@ pub fn write(run: &Run, out: &mut dyn Write) -> io::Result<()> {
         side_by_side(devices, out)?;
     }
     tool_checks(&digest.tool_checks, out)?;
-    not_tested(&digest.not_tested, out)?;
+    not_tested(&digest, out)?;
     for (what, text) in &digest.facts_of_run {
         writeln!(out, "- {what}: {}", escaped(text))?;
     }
@@ -173,11 +173,18 @@ fn tool_checks(checks: &[ToolChecked], out: &mut dyn Write) -> io::Result<()> {
     writeln!(out)
 }
 
-fn not_tested([first, others]: &[Vec<Reason>; 2], out: &mut dyn Write) -> io::Result<()> {
-    if first.is_empty() {
+fn not_tested(digest: &Digest<'_>, out: &mut dyn Write) -> io::Result<()> {
+    let [first, others] = &digest.not_tested;
+    if first.is_empty() && digest.selection.is_none() {
         return Ok(());
     }
     writeln!(out, "## What was not tested, and why\n")?;
+    if let Some(said) = &digest.selection {
+        writeln!(out, "The run had a selection: {said}.\n")?;
+    }
+    if first.is_empty() {
+        return Ok(());
+    }
     writeln!(out, "| cases | verdict | reason |")?;
     writeln!(out, "|--:|---|---|")?;
     for Reason { count, verdict, text } in first {
