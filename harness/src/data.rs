@@ -8,8 +8,10 @@ use std::env;
 use std::path::{Path, PathBuf};
 
 use canopen::catalogue::Catalogue;
-use canopen::source;
+use canopen::source::{self, Source};
 use reference_devices::devices;
+use reports::Origin;
+use runner::suite::fingerprint;
 
 use crate::exit::{Exit, Refused};
 use crate::files::texts_in;
@@ -22,6 +24,23 @@ pub(crate) fn folder() -> Option<PathBuf> {
     // Files are named in complaints as people write them.
     Some(if named == Path::new(".") { PathBuf::new() } else { named })
 }
+
+/// The descriptions of the reference devices, as reports name them.
+pub(crate) fn devices() -> Origin {
+    let mut sources: BTreeMap<&str, &Source> = BTreeMap::new();
+    for device in devices::all() {
+        let files = &device.files;
+        let others = files.variants.iter().chain(&files.parts).map(|(_, source)| source);
+        let own = [&files.device].into_iter().chain(&files.mutants).chain(&files.freedoms);
+        sources.extend(own.chain(others).map(|source| (&*source.name, &**source)));
+    }
+    let sha256 = fingerprint(sources.into_values());
+    let from = folder().map(|folder| folder.join("reference-devices").display().to_string());
+    Origin { from: from.unwrap_or_else(|| BUILT_IN.to_owned()), sha256 }
+}
+
+/// Where files are from that no folder has.
+pub(crate) const BUILT_IN: &str = "built in";
 
 /// Reads catalogue and devices, if the environment names a folder.
 ///

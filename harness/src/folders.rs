@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use canopen::catalogue::Catalogue;
 use clap::Args;
-use runner::suite::{Library, built_in, is_register, is_suite};
+use reports::Origin;
+use runner::suite::{Library, built_in, fingerprint, is_register, is_suite};
 
 use crate::data;
 use crate::files::{read_folder, shown};
@@ -145,6 +146,30 @@ impl Folders {
         Ok((sources, own))
     }
 
+    /// Where the suites are from, and their fingerprint.
+    ///
+    /// # Errors
+    /// Every complaint about the folders.
+    pub(crate) fn origin(&self) -> Result<Origin, Vec<Complaint>> {
+        let sources = self.gathered(false)?;
+        let sha256 = fingerprint(sources.iter().map(|source| &**source));
+        let here = data::folder().map(|folder| folder.join("suites"));
+        let here = here.or_else(|| self.stands_alone(Path::new("suites")).then(|| "suites".into()));
+        let base = match (self.only.is_empty(), here) {
+            (true, Some(here)) => vec![shown(&here)],
+            (true, None) => vec![data::BUILT_IN.to_owned()],
+            (false, _) => self.only.iter().map(|folder| shown(folder)).collect(),
+        };
+        let more = self.more.iter().map(|folder| shown(folder));
+        let from = base.into_iter().chain(more).collect::<Vec<_>>().join(" and ");
+        Ok(Origin { from, sha256 })
+    }
+
+    /// Whether the suites of the working directory take the place of those in this program.
+    fn stands_alone(&self, here: &Path) -> bool {
+        self.more.is_empty() && here.join("requirements").is_dir()
+    }
+
     /// Which of these files are the user's, by name: see [`with_own`](Self::with_own).
     pub(crate) fn own_of<'s>(
         &self,
@@ -166,10 +191,15 @@ impl Folders {
     /// `suites/` here takes the place of the copy when it has a register of its own and no folder
     /// is named.
     pub(crate) fn sources(&self) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
+        self.gathered(true)
+    }
+
+    /// The same, where `noted` says whether a note tells of `suites/` here.
+    fn gathered(&self, noted: bool) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
         let data = data::folder();
         let here = data.clone().unwrap_or_default().join("suites");
         let here = here.as_path();
-        let stands_alone = self.more.is_empty() && here.join("requirements").is_dir();
+        let stands_alone = self.stands_alone(here);
         let mut sources = BTreeMap::new();
         let mut folders = self.only.clone();
         match (self.only.is_empty(), data.is_some() || stands_alone) {
@@ -181,7 +211,8 @@ impl Folders {
         for folder in folders {
             let mut found = Vec::new();
             read_folder(&folder, &mut found).map_err(|complaint| vec![complaint])?;
-            if folder == here && data.is_none() && stands_alone && differ(&found, &built_in()) {
+            let is_instead = noted && folder == here && data.is_none() && stands_alone;
+            if is_instead && differ(&found, &built_in()) {
                 complain!(
                     "note: the suites of ./suites are read instead of those in this program, from \
                      which they differ; a folder of your own that stands beside them has another \

@@ -102,6 +102,28 @@ fn the_committed_data_sheets_are_those_of_the_program() {
     }
 }
 
+/// Two runs with the same suites bear the same numbers.
+#[test]
+fn a_journal_says_what_it_was_made_with_and_what_a_selection_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let started = |name: &str, selected: &[&str]| {
+        let path = folder.path().join(name);
+        let mut run = harness();
+        run.current_dir(folder.path()).args(["--target", "sim:drr460", "-q"]).args(selected);
+        let output = run.arg("--journal").arg(&path).output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        let run = Run::fold(&fs::read_to_string(&path).unwrap(), Keep::Unusual).unwrap();
+        (run.counts().total(), run.started.unwrap())
+    };
+    let (all, whole) = started("whole", &[]);
+    let (some, part) = started("part", &["cia301/nmt"]);
+    assert_eq!((whole.selected, whole.left_out), (false, None));
+    assert_eq!((part.selected, part.left_out), (true, Some(all - some)));
+    assert_eq!(part.suites[0].from, "built in");
+    assert_eq!((&part.suites, &part.devices), (&whole.suites, &whole.devices));
+    assert_eq!((part.suites.len(), part.devices.len()), (1, 1));
+}
+
 /// Several devices of one vendor bear the same product code. Modules of another revision are told
 /// apart by what they have.
 #[test]

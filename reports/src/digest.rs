@@ -8,9 +8,10 @@ use canopen::NmtState;
 
 use crate::characteristics::{Characteristic, Watched};
 use crate::comparison::Comparison;
+use crate::event::{Origin, RunStarted};
 use crate::fact::{Fact, facts};
-use crate::junit::date;
-use crate::reason::alike;
+use crate::junit::moment_in_words;
+use crate::reason::{PROTECTED_BY, alike};
 use crate::run::{Counts, DeviceRun, Run};
 use crate::side_by_side::SideBySide;
 use crate::style::{clean, shell_word};
@@ -21,7 +22,7 @@ use crate::verdict::{Grade, Outcome, Verdict};
 pub(crate) struct Digest<'r> {
     /// The names of the devices, or how many there are.
     pub(crate) title: String,
-    pub(crate) result: &'static str,
+    pub(crate) result: String,
     pub(crate) is_green: bool,
     /// What kept the run from its end.
     pub(crate) stopped: Option<String>,
@@ -33,6 +34,8 @@ pub(crate) struct Digest<'r> {
     /// The causes: those that make the run red come first.
     pub(crate) causes: Vec<Cause>,
     pub(crate) comparison: Option<&'r Comparison>,
+    /// That the user chose some of the cases, and how many that left out.
+    pub(crate) selection: Option<String>,
     /// The most frequent reasons, and the others.
     pub(crate) not_tested: [Vec<Reason>; 2],
     pub(crate) documents: Vec<Document>,
@@ -79,6 +82,8 @@ pub(crate) struct Cause {
     pub(crate) expected: String,
     pub(crate) came: String,
     pub(crate) says: Vec<String>,
+    /// The decisions on them where the document leaves room.
+    pub(crate) decided: Vec<String>,
     pub(crate) waiver: Option<String>,
     /// The devices and the names of the instances.
     pub(crate) instances: Vec<(String, String)>,
@@ -126,11 +131,13 @@ impl<'r> Digest<'r> {
                 names => clean(&names.join(", ")),
             },
             result: match (is_green, ended) {
-                (_, None) => "The run did not come to its end",
-                (true, _) if counts.of(Verdict::Waived) > 0 => "What is broken is waived",
-                (true, _) => "No requirement is broken",
-                (false, _) if run.is_green() => "The run is not green",
-                (false, _) => "Not conformant, or not decided",
+                (_, None) => "The run did not come to its end".to_owned(),
+                (true, _) if counts.of(Verdict::Waived) > 0 => {
+                    as_far_as_tested(run, "What is broken is waived")
+                }
+                (true, _) => as_far_as_tested(run, "No requirement is broken"),
+                (false, _) if run.is_green() => "The run is not green".to_owned(),
+                (false, _) => "Not conformant, or not decided".to_owned(),
             },
             is_green,
             stopped: ended.and_then(|it| it.reason.as_deref()).map(clean),
@@ -140,6 +147,7 @@ impl<'r> Digest<'r> {
             columns: columns.collect(),
             causes: causes(run),
             comparison: run.comparison.as_ref(),
+            selection: run.started.as_ref().and_then(RunStarted::selection),
             not_tested: {
                 let mut first = not_tested(run);
                 let others = first.split_off(first.len().min(MOST_REASONS));
@@ -165,6 +173,29 @@ impl Digest<'_> {
     }
 }
 
+/// A result with what the run did not try although it might have.
+fn as_far_as_tested(run: &Run, result: &str) -> String {
+    let is_protected = |outcome: &Outcome| match outcome {
+        Outcome::Skip(reason) => reason.contains(PROTECTED_BY),
+        _ => false,
+    };
+    let protected = run.cases().filter(|(_, case)| is_protected(&case.outcome)).count();
+    let protected = match protected {
+        0 => None,
+        1 => Some("1 case did not run because of the device file".to_owned()),
+        count => Some(format!("{count} cases did not run because of the device file")),
+    };
+    let started = run.started.as_ref();
+    let selection = started.and_then(RunStarted::selection);
+    let selection = selection.map(|said| format!("the run had a selection: {said}"));
+    let part = started.and_then(RunStarted::part).map(|part| format!("this is {part}"));
+    let reserved: Vec<String> = [protected, selection, part].into_iter().flatten().collect();
+    match reserved.is_empty() {
+        true => result.to_owned(),
+        false => format!("{result}, as far as it was tested; {}", reserved.join("; ")),
+    }
+}
+
 fn facts_of_run(run: &Run) -> Vec<(&'static str, String)> {
     let Some(started) = &run.started else { return Vec::new() };
     let mut facts = vec![
@@ -178,7 +209,12 @@ fn facts_of_run(run: &Run) -> Vec<(&'static str, String)> {
             },
         ),
     ];
-    facts.extend(started.began.map(|began| ("began", date(began))));
+    let virtual_time = || "in virtual time, which begins at 0 and has no date".to_owned();
+    facts.push(("began", started.began.map_or_else(virtual_time, moment_in_words)));
+    facts.extend(Origin::in_words(&started.suites).map(|said| ("suites", clean(&said))));
+    facts.extend(Origin::in_words(&started.devices).map(|it| ("reference devices", clean(&it))));
+    facts.extend(started.selection().map(|said| ("selection", said)));
+    facts.extend(started.part().map(|part| ("part", part)));
     facts.extend(started.seed.map(|seed| ("seed", seed.to_string())));
     let outdated = run.ended.iter().flat_map(|ended| &ended.outdated);
     facts.extend(outdated.map(|waiver| ("waiver out of date", clean(waiver))));
@@ -323,6 +359,13 @@ impl Cause {
             expected,
             came,
             says: says.collect(),
+            decided: case
+                .info
+                .checks
+                .iter()
+                .filter_map(|it| it.decided.as_deref())
+                .map(clean)
+                .collect(),
             waiver,
             instances: listed
                 .map(|(_, device, case)| (clean(&device.info.device), clean(&case.info.name())))

@@ -72,12 +72,31 @@ pub struct RunStarted {
     /// Whether the user chose some of the cases.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub selected: bool,
+    /// How many cases that choice left out, where they were counted; a shard leaves out none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub left_out: Option<usize>,
     /// How often each case runs, when that is more than once.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub repeat: Option<u32>,
+    /// The suites that were read; of several runs, those of each.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub suites: Vec<Origin>,
+    /// The descriptions of the reference devices, where one of them is tested.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub devices: Vec<Origin>,
     /// The checks of CiA's conformance test tool, and the cases that make them here.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub tool_checks: Vec<ToolCheck>,
+}
+
+/// Files that a run was made with.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Origin {
+    /// `built in`, or their folders as the user named them.
+    pub from: String,
+    /// The beginning of the SHA-256 of their names and texts, in hexadecimal.
+    pub sha256: String,
 }
 
 /// A check of CiA's conformance test tool.
@@ -227,6 +246,9 @@ pub struct Check {
     /// The decision of the device's own document by which it is only a `should` for this device.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relaxed_by: Option<Arc<str>>,
+    /// The decision of the register where the document leaves room, with its id.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub decided: Option<Arc<str>>,
     /// The demand of the document there.
     pub says: Arc<str>,
 }
@@ -348,6 +370,33 @@ fn no_names(names: &Arc<ObjectNames>) -> bool {
 
 fn no_pdos(pdos: &Arc<PdoLayout>) -> bool {
     pdos.is_empty()
+}
+
+impl RunStarted {
+    /// How many cases a choice of the user left out, in words; `None` of a run without a choice.
+    pub(crate) fn selection(&self) -> Option<String> {
+        let said = match self.left_out {
+            _ if !self.selected => return None,
+            Some(0) => return None,
+            None => "other cases were left out, and not counted".to_owned(),
+            Some(1) => "1 case was left out".to_owned(),
+            Some(count) => format!("{count} cases were left out"),
+        };
+        Some(said)
+    }
+
+    /// The part of the cases that it has: `shard 1 of 2`.
+    pub(crate) fn part(&self) -> Option<String> {
+        self.shard.map(|Shard { place, of }| format!("shard {place} of {of}"))
+    }
+}
+
+impl Origin {
+    /// Several of them: `built in, 0123456789ab`.
+    pub(crate) fn in_words(origins: &[Self]) -> Option<String> {
+        let each = origins.iter().map(|Self { from, sha256 }| format!("{from}, {sha256}"));
+        (!origins.is_empty()).then(|| each.collect::<Vec<_>>().join("; "))
+    }
 }
 
 impl SheetUsed {

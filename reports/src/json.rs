@@ -10,7 +10,7 @@ use serde::Serialize;
 use crate::campaign::Campaign;
 use crate::characteristics::Characteristic;
 use crate::digest::Digest;
-use crate::event::{Check, Measured};
+use crate::event::{Check, Measured, Origin};
 use crate::run::{CaseRun, Counts, DeviceRun, Run};
 use crate::tool_checks::ToolChecked;
 use crate::verdict::{Excerpt, Outcome, Verdict};
@@ -43,6 +43,14 @@ pub struct Report<'r> {
     grade: &'static str,
     /// How often each case ran, when that is more than once: FLAKY is not green then.
     repeat: Option<u32>,
+    /// Whether the user chose some of the cases.
+    selected: bool,
+    /// How many cases that choice left out; `null` where they were not counted.
+    left_out: Option<usize>,
+    /// The suites: `built in` or their folders, each with the beginning of their SHA-256.
+    suites: Vec<(&'r str, &'r str)>,
+    /// The descriptions of the reference devices, where one is tested, likewise.
+    reference_devices: Vec<(&'r str, &'r str)>,
     /// What random things are drawn by.
     seed: Option<u64>,
     /// When the run began, in seconds since 1970; `null` in virtual time.
@@ -148,6 +156,9 @@ struct Requirement<'r> {
     /// `must`, `should` or `may`.
     level: &'r str,
     says: &'r str,
+    /// The decision where the document leaves room, with its id.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    decided: Option<&'r str>,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -262,6 +273,10 @@ impl<'r> Report<'r> {
                 crate::Grade::Lenient => "lenient",
             },
             repeat: started.and_then(|it| it.repeat),
+            selected: started.is_some_and(|it| it.selected),
+            left_out: started.and_then(|it| it.left_out),
+            suites: started.map(|it| origins(&it.suites)).unwrap_or_default(),
+            reference_devices: started.map(|it| origins(&it.devices)).unwrap_or_default(),
             seed: started.and_then(|it| it.seed),
             began: started.and_then(|it| it.began),
             green: digest.is_green,
@@ -285,6 +300,10 @@ impl<'r> Report<'r> {
             causes: digest.causes.into_iter().map(Cause::of).collect(),
         }
     }
+}
+
+fn origins(all: &[Origin]) -> Vec<(&str, &str)> {
+    all.iter().map(|it| (it.from.as_str(), it.sha256.as_str())).collect()
 }
 
 fn counted(counts: Counts) -> BTreeMap<&'static str, usize> {
@@ -340,8 +359,8 @@ impl ToolCheck {
 
 impl<'r> Requirement<'r> {
     fn of(check: &'r Check) -> Self {
-        let Check { document, clause, level, says, .. } = check;
-        Self { document, clause, level, says }
+        let Check { document, clause, level, says, decided, .. } = check;
+        Self { document, clause, level, says, decided: decided.as_deref() }
     }
 }
 

@@ -10,7 +10,7 @@ use std::io::{self, Write};
 
 use junit_report::{Duration, OffsetDateTime, ReportBuilder, TestCase, TestCaseBuilder, TestSuite};
 
-use crate::event::{CaseStarted, SheetUsed};
+use crate::event::{CaseStarted, Origin, RunStarted, SheetUsed};
 use crate::fact::{Noticed, facts};
 use crate::run::{CaseRun, DeviceRun, Run, SuiteRun};
 use crate::style::Style;
@@ -68,6 +68,11 @@ fn properties(run: &Run, device: &DeviceRun) -> String {
         ("harness", started.map(|run| run.harness.clone())),
         ("target", started.map(|run| run.target.clone())),
         ("grade", grade),
+        ("time", started.filter(|run| run.began.is_none()).map(|_| VIRTUAL_TIME.to_owned())),
+        ("suites", started.and_then(|run| Origin::in_words(&run.suites))),
+        ("reference-devices", started.and_then(|run| Origin::in_words(&run.devices))),
+        ("selection", started.and_then(RunStarted::selection)),
+        ("shard", started.and_then(RunStarted::part)),
         ("seed", started.and_then(|run| run.seed).map(|seed| seed.to_string())),
         ("node", Some(info.node.to_string())),
         ("bit-rate", info.bit_rate.map(|rate| rate.to_string())),
@@ -92,6 +97,9 @@ fn properties(run: &Run, device: &DeviceRun) -> String {
     }
     text + "</properties>\n"
 }
+
+/// Why the time stamps of such a run have no date.
+const VIRTUAL_TIME: &str = "virtual, which begins at 0: the date of the time stamps means nothing";
 
 /// The crate writes no properties, so that these are the only marks that are escaped here.
 fn escape(text: &str) -> String {

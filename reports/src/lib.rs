@@ -41,8 +41,8 @@ pub use characteristics::Characteristic;
 pub use compare::compared;
 pub use comparison::{Change, Comparison, KnownCause, Moved};
 pub use event::{
-    Begun, CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Measured, Note, Repeated,
-    RunEnded, RunStarted, Shard, SheetUsed, Stimulus, ToolCheck, Versions,
+    Begun, CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Measured, Note, Origin,
+    Repeated, RunEnded, RunStarted, Shard, SheetUsed, Stimulus, ToolCheck, Versions,
 };
 pub use fact::{Fact, Noticed, facts};
 pub use format::{FORMATS, Format};

@@ -32,7 +32,7 @@ pub fn write(run: &Run, out: &mut dyn Write) -> io::Result<()> {
         side_by_side(devices, out)?;
     }
     tool_checks(&digest.tool_checks, out)?;
-    not_tested(&digest.not_tested, out)?;
+    not_tested(&digest, out)?;
     for (what, text) in &digest.facts_of_run {
         writeln!(out, "- {what}: {}", escaped(text))?;
     }
@@ -115,7 +115,9 @@ fn causes(digest: &Digest<'_>, out: &mut dyn Write) -> io::Result<()> {
 fn rows(causes: &[&Cause], out: &mut dyn Write, last: impl Fn(&Cause) -> String) -> io::Result<()> {
     for cause in causes.iter().take(MOST_CAUSES) {
         let (verdict, total) = (cause.verdict, cause.total());
-        let (service, said) = (escaped(&cause.service), escaped(&cause.said));
+        let decided = cause.decided.iter().map(|said| format!("\ndecided {said}"));
+        let said = cause.said.clone() + &decided.collect::<String>();
+        let (service, said) = (escaped(&cause.service), escaped(&said));
         writeln!(out, "| {verdict} | {total} | {service} | {said} | {} |", last(cause))?;
     }
     let more = causes.len().saturating_sub(MOST_CAUSES);
@@ -171,11 +173,18 @@ fn tool_checks(checks: &[ToolChecked], out: &mut dyn Write) -> io::Result<()> {
     writeln!(out)
 }
 
-fn not_tested([first, others]: &[Vec<Reason>; 2], out: &mut dyn Write) -> io::Result<()> {
-    if first.is_empty() {
+fn not_tested(digest: &Digest<'_>, out: &mut dyn Write) -> io::Result<()> {
+    let [first, others] = &digest.not_tested;
+    if first.is_empty() && digest.selection.is_none() {
         return Ok(());
     }
     writeln!(out, "## What was not tested, and why\n")?;
+    if let Some(said) = &digest.selection {
+        writeln!(out, "The run had a selection: {said}.\n")?;
+    }
+    if first.is_empty() {
+        return Ok(());
+    }
     writeln!(out, "| cases | verdict | reason |")?;
     writeln!(out, "|--:|---|---|")?;
     for Reason { count, verdict, text } in first {

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::event::{RunEnded, RunStarted, Shard};
+use crate::event::{Origin, RunEnded, RunStarted, Shard};
 use crate::run::{CaseRun, DeviceRun, Run};
 
 /// The runs as one. Parts of a test of the same device by the same data sheet stand together; what
@@ -52,7 +52,20 @@ fn both(one: RunStarted, other: &Run) -> RunStarted {
     let grade = if one.grade == other.grade { one.grade } else { crate::Grade::Strict };
     let repeat = one.repeat.max(other.repeat);
     let selected = one.selected || other.selected;
-    RunStarted { target, began, grade, repeat, selected, shard: None, ..one }
+    // Shards leave out the same. What runs of other kinds left out together is not known.
+    let same = other.shard.is_some() && one.left_out == other.left_out;
+    let left_out = one.left_out.filter(|_| same);
+    let suites = together(one.suites, &other.suites);
+    let devices = together(one.devices, &other.devices);
+    let shard = None;
+    RunStarted { target, began, grade, repeat, selected, left_out, suites, devices, shard, ..one }
+}
+
+/// What both were made with, each once.
+fn together(mut some: Vec<Origin>, others: &[Origin]) -> Vec<Origin> {
+    let new: Vec<Origin> = others.iter().filter(|it| !some.contains(it)).cloned().collect();
+    some.extend(new);
+    some
 }
 
 fn add(devices: &mut Vec<DeviceRun>, device: DeviceRun, is_shard: bool) {

@@ -140,8 +140,9 @@ function fillCase(panel, run) {
   panel.append(make('p', '', run.of.title));
   const list = make('dl');
   for (const place of run.of.checks) {
-    const [id, document, clause, level, says] = data.checks[place];
+    const [id, document, clause, level, says, decided] = data.checks[place];
     field(list, 'requires', id + ', ' + document + ' clause ' + clause + (level ? ', level ' + level : '') + '\n' + says);
+    if (decided) field(list, 'decided', decided);
   }
   if (run.of.numbers) field(list, 'CiA check', run.of.numbers.join(', '));
   if (run.reason) field(list, run.verdict === 'skip' ? 'skipped' : 'blocked', data.reasons[run.reason - 1]);

@@ -12,7 +12,8 @@ use canopen::Mux;
 use pcap_file::pcapng::{Block, PcapNgReader};
 use reports::{
     Campaign, CaseEnded, Event, FORMATS, Grade, Keep, OutOfOrder, Outcome, RECORDINGS, Recording,
-    Run, Shard, Style, Verdict, compared, facts, github, journal, junit, merged, terminal,
+    Run, RunEnded, Shard, Style, Verdict, compared, facts, github, journal, junit, merged,
+    terminal,
 };
 
 const PLAIN: Style = Style { color: false };
@@ -602,4 +603,58 @@ fn a_comparison_names_both_runs_and_a_cause_as_the_run_does() {
     let [now, before] = &comparison.runs;
     assert_eq!(now, "generic (node 2), target sim, began 2023-11-14 22:13:20 UTC, harness 0.1.0");
     assert!(before.contains("in virtual time"), "{before}");
+}
+
+#[test]
+fn a_green_run_says_what_it_did_not_try() {
+    let mut events = fixture::failing(&[("NMT-05", "702#04", &[]), ("HB-01", "702#05", &[])]);
+    let skipped = "write of 1017:00: protected by `objects: 1017` in dut.yaml:3";
+    let mut outcomes = [Outcome::Pass, Outcome::Skip(skipped.into())].into_iter();
+    for event in &mut events {
+        if let Event::CaseEnded(end) = event {
+            (end.outcome, end.cause) = (outcomes.next().expect("there are two"), None);
+        }
+    }
+    events.push(Event::RunEnded(RunEnded { exit: 0, reason: None, outdated: Vec::new() }));
+    let run = fold(&events, Keep::Unusual);
+    let headline = "No requirement is broken, as far as it was tested; 1 case did not run because \
+                    of the device file; the run had a selection: 12 cases were left out";
+    for format in FORMATS.iter().filter(|it| ["html", "markdown"].contains(&it.flag)) {
+        let text = whole(format.write, &run);
+        assert!(text.contains(headline), "{}: {text}", format.flag);
+        assert!(
+            text.contains("The run had a selection: 12 cases were left out."),
+            "{}",
+            format.flag
+        );
+        assert!(
+            text.contains("built in, 0123456789ab; my-suites, ba9876543210"),
+            "{}",
+            format.flag
+        );
+    }
+    let quiet = terminal::summary(&run, PLAIN, terminal::Verbosity::Quiet);
+    let said = "1 case did not run because of the device file: `objects: 1017` in dut.yaml:3";
+    assert!(quiet.contains(said), "{quiet}");
+    let properties = whole(junit::write, &run);
+    for property in
+        ["12 cases were left out", "built in, abcdef012345", "virtual, which begins at 0"]
+    {
+        assert!(properties.contains(property), "{property}");
+    }
+    if let Some(Event::RunStarted(started)) = events.first_mut() {
+        (started.selected, started.left_out) = (false, None);
+    }
+    let (all, outcome) = (otherwise(&events, Some(&Outcome::Pass)), "No requirement is broken**:");
+    assert!(whole(reports::markdown::write, &all).contains(outcome));
+}
+
+#[test]
+fn a_decision_stands_with_what_it_decides() {
+    let run = fold(&fixture::events(Grade::Lenient), Keep::Unusual);
+    let decision = "CIA301-I-07: a period is kept within 1 %";
+    assert!(terminal::report(&run, PLAIN).contains(&format!("  decided     {decision}\n")));
+    for format in FORMATS.iter().filter(|it| ["html", "markdown", "json"].contains(&it.flag)) {
+        assert!(whole(format.write, &run).contains(decision), "{}", format.flag);
+    }
 }

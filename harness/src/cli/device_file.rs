@@ -5,6 +5,12 @@ use crate::exit::Refused;
 use crate::target::Selection;
 
 impl RunArgs {
+    /// Whether a journal or a report is written, which says what the run was made with and what it
+    /// left out.
+    pub fn is_written(&self) -> bool {
+        self.journal.is_some() || !self.reports.formats.is_empty()
+    }
+
     /// The same arguments for each device that is meant, with what the device file says besides.
     ///
     /// # Errors

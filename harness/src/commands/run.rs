@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use canopen::{BusError, Instant};
-use reports::{Event, Identity, Note, Run, RunEnded, RunStarted, Verdict};
+use reports::{Event, Identity, Note, Origin, Run, RunEnded, RunStarted, Verdict};
 use runner::dut::OtherNode;
 use runner::parallel::{self, InTurn, processors};
 use runner::plan::{Instance, Plan};
@@ -25,6 +25,7 @@ use super::select::select;
 use crate::bus::load::Load;
 use crate::bus::unix_time;
 use crate::cli::RunArgs;
+use crate::data;
 use crate::device_file::DeviceFile;
 use crate::exit::{Exit, Refused};
 use crate::files::read_source;
@@ -106,8 +107,21 @@ struct Tested {
 struct Prepared {
     commons: Vec<Common>,
     devices: Vec<Tested>,
-    /// Whether some of the cases are selected.
+    /// Whether some of the cases are selected, be it by a shard.
     selected: bool,
+    /// Whether the user chose some of the cases.
+    chosen: bool,
+    /// How many cases the selection left out, where all suites were read.
+    left_out: Option<usize>,
+    /// What the run is made with, where something is written.
+    used: Used,
+}
+
+/// Suites and descriptions of devices, as reports name them.
+#[derive(Default)]
+struct Used {
+    suites: Vec<Origin>,
+    devices: Vec<Origin>,
 }
 
 impl Prepared {
@@ -119,15 +133,17 @@ impl Prepared {
     ) -> Result<Self, Refused> {
         let (mut commons, mut all_targets, mut all_plans) = (Vec::new(), Vec::new(), Vec::new());
         for args in each {
-            // Waivers are held against all suites.
-            let Planned { library, targets, plans } =
-                Planned::new(&args.selection, args.waivers.is_some(), stop)?;
+            // Waivers are held against all suites, and reports say how much was left out.
+            let whole = args.waivers.is_some() || run.is_written();
+            let Planned { library, targets, plans } = Planned::new(&args.selection, whole, stop)?;
             let waivers = waivers_of(&args, &library.register)?;
             let names = names_of(&plans, args.waivers.is_some());
             commons.push(Common { args, library, waivers, names });
             all_targets.push(targets);
             all_plans.push(plans);
         }
+        let of_devices = |plans: &Vec<Plan>| plans.iter().map(Plan::of_device).sum::<usize>();
+        let all: usize = all_plans.iter().map(of_devices).sum();
         select(&mut all_plans, commons.iter().map(|common: &Common| &common.args.selection))?;
         let mut devices: Vec<Tested> = Vec::new();
         for (common, (targets, plans)) in all_targets.into_iter().zip(all_plans).enumerate() {
@@ -135,7 +151,11 @@ impl Prepared {
             devices.extend(both.map(|(target, plan)| Tested { target, plan, common }));
         }
         warn_of_absent_objects(&commons, &devices);
-        limit(&mut devices, run, last_failed.as_ref());
+        if let Some(failed) = &last_failed {
+            devices.iter_mut().for_each(|device| device.plan.keep(failed));
+        }
+        let kept: usize = devices.iter().map(|device| device.plan.of_device()).sum();
+        limit(&mut devices, run);
         if devices.iter().all(|device| device.plan.instances.is_empty()) {
             let left_out = devices.iter().find_map(|device| device.plan.said_left_out());
             let why = left_out.map(|said| format!(": {said}")).unwrap_or_default();
@@ -143,14 +163,16 @@ impl Prepared {
             return Err(Refused { exit: Exit::NothingRan, message });
         }
         tell_apart(&mut devices);
-        let selected = last_failed.is_some()
-            || run.shard.is_some()
+        let chosen = last_failed.is_some()
             || commons.iter().any(|common| !common.args.selection.patterns.is_empty());
-        Ok(Self { commons, devices, selected })
+        let used = if run.is_written() { Used::of(&commons, &devices)? } else { Used::default() };
+        let left_out = run.is_written().then(|| all.saturating_sub(kept));
+        let selected = chosen || run.shard.is_some();
+        Ok(Self { commons, devices, selected, chosen, left_out, used })
     }
 
     fn run(self, args: &RunArgs, earlier: &Earlier, stop: &Stop, reporter: &mut Reporter) -> Exit {
-        let Self { commons, mut devices, selected } = self;
+        let Self { commons, mut devices, selected, chosen, left_out, used } = self;
         let real = devices.iter().any(|device| !device.target.is_simulation());
         let takes = match (&devices[..], &commons[..]) {
             ([device], [common]) if is_on_real_bus(args) => {
@@ -169,7 +191,15 @@ impl Prepared {
         reporter.expect(cases, remaining);
         let tool_checks = commons.first().map(|common| common.library.tool_checks());
         let tool_checks = tool_checks.unwrap_or_default();
-        reporter.tell(&Event::RunStarted(RunStarted { tool_checks, ..started(args, real) }));
+        let Used { suites, devices: described } = used;
+        reporter.tell(&Event::RunStarted(RunStarted {
+            tool_checks,
+            selected: chosen,
+            left_out: left_out.filter(|_| chosen),
+            suites,
+            devices: described,
+            ..started(args, real)
+        }));
         devices.retain(|device| !device.plan.instances.is_empty());
         let endings = Sessions { run: args, commons: &commons, stop }
             .run(devices, |event| reporter.tell(&event));
@@ -213,12 +243,27 @@ fn warn_of_absent_objects(commons: &[Common], devices: &[Tested]) {
     }
 }
 
-/// Keeps of the plans what the run is about, in its order.
-fn limit(devices: &mut [Tested], run: &RunArgs, last_failed: Option<&BTreeSet<String>>) {
-    for Tested { plan, .. } in devices {
-        if let Some(failed) = last_failed {
-            plan.keep(failed);
+impl Used {
+    /// The suites of these, each once, and the reference devices where one is simulated.
+    ///
+    /// # Errors
+    /// When the suites cannot be read again.
+    fn of(commons: &[Common], devices: &[Tested]) -> Result<Self, Refused> {
+        let mut suites = Vec::new();
+        for common in commons {
+            let origin = common.args.selection.folders.origin()?;
+            if !suites.contains(&origin) {
+                suites.push(origin);
+            }
         }
+        let simulated = devices.iter().any(|device| device.target.is_simulation());
+        Ok(Self { suites, devices: simulated.then(data::devices).into_iter().collect() })
+    }
+}
+
+/// Keeps of the plans the shard, in the order of the run.
+fn limit(devices: &mut [Tested], run: &RunArgs) {
+    for Tested { plan, .. } in devices {
         if let Some(shard) = run.shard {
             plan.keep_every(shard.of, shard.place);
         }

@@ -23,6 +23,9 @@ pub(crate) fn started(args: &RunArgs, on_real_bus: bool) -> RunStarted {
         began: on_real_bus.then(unix_time),
         shard: args.shard.map(|shard| reports::Shard { place: shard.place + 1, of: shard.of }),
         selected: !args.selection.patterns.is_empty() || args.last_failed.is_some(),
+        left_out: None,
+        suites: Vec::new(),
+        devices: Vec::new(),
         repeat: (args.repeat > 1).then_some(args.repeat),
         tool_checks: Vec::new(),
     }

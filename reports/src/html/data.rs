@@ -18,7 +18,7 @@ use crate::verdict::{Excerpt, Outcome, Phase};
 struct Data {
     devices: Vec<Device>,
     suites: Vec<Suite>,
-    checks: Vec<[String; 5]>,
+    checks: Vec<[String; 6]>,
     cases: Vec<Case>,
     reasons: Vec<String>,
     details: Vec<Details>,
@@ -198,6 +198,7 @@ impl<'r> Tables<'r> {
                 check.clause.to_string(),
                 format!("{}{relaxed}", check.level),
                 clean(&check.says),
+                check.decided.as_deref().map(clean).unwrap_or_default(),
             ]
         })
     }

@@ -102,6 +102,9 @@ impl Block<'_> {
             let relaxed = relaxed.map_or_else(String::new, |by| format!(", relaxed by {by}"));
             let level = format!("{level}{}{relaxed}", check.level);
             self.field("requires", &format!("{id}{level}\n{}", check.says));
+            if let Some(decided) = &check.decided {
+                self.field("decided", &one_line(decided));
+            }
         }
     }
 

@@ -21,8 +21,9 @@ pub fn summary(run: &Run, style: Style, verbosity: Verbosity) -> String {
     if verbosity > Verbosity::Quiet {
         skipped(run, style, verbosity, &mut text);
         blocked(run, style, &mut text);
-        kept_from(run, &mut text);
     }
+    // A short summary, too, says what its author kept from being tested.
+    kept_from(run, &mut text);
     if verbosity == Verbosity::Verbose {
         characteristics(run, style, &mut text);
     }

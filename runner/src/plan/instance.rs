@@ -84,6 +84,12 @@ impl Plan {
         });
     }
 
+    /// How many instances are not about a profile that the device does not follow.
+    pub fn of_device(&self) -> usize {
+        let is_foreign = |it: &&Instance| matches!(it.fate, Fate::Foreign(_));
+        self.instances.len() - self.instances.iter().filter(is_foreign).count()
+    }
+
     /// Keeps every `nth` instance, from that at `first` on, and those that prove what they rely on:
     /// another part of the run does not tell this one what holds on the device.
     pub fn keep_every(&mut self, nth: usize, first: usize) {

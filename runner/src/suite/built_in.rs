@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use include_dir::{Dir, include_dir};
+use sha2::{Digest, Sha256};
 
 use crate::source::{self, Source};
 
@@ -15,6 +16,22 @@ pub fn built_in() -> Vec<Source> {
     read(&EMBEDDED, &mut sources);
     sources
 }
+
+/// The beginning of the SHA-256 of names and texts, in hexadecimal: it tells two states of files
+/// apart.
+pub fn fingerprint<'s>(sources: impl Iterator<Item = &'s Source>) -> String {
+    let mut hash = Sha256::new();
+    for source in sources {
+        for part in [&*source.name, &*source.text] {
+            hash.update((part.len() as u64).to_le_bytes());
+            hash.update(part.as_bytes());
+        }
+    }
+    hash.finalize().iter().take(FINGERPRINT).map(|byte| format!("{byte:02x}")).collect()
+}
+
+/// How many bytes a fingerprint has.
+const FINGERPRINT: usize = 6;
 
 /// One of the files, by its path below `suites/`, or what replaces it.
 pub(super) fn standard(path: &str) -> Option<Arc<Source>> {

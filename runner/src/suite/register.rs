@@ -260,8 +260,17 @@ impl Register {
             clause: Arc::clone(&entry.clause),
             level: entry.level.name().into(),
             relaxed_by: None,
+            decided: entry.interpretation.as_deref().map(|id| self.decided(id)),
             says: Arc::clone(&entry.says),
         })
+    }
+
+    /// A decision with its id; of a requirement that says it itself, as it is.
+    fn decided(&self, interpretation: &str) -> Arc<str> {
+        match self.decision(interpretation) {
+            Some(decision) => format!("{interpretation}: {}", decision.decision).into(),
+            None => interpretation.into(),
+        }
     }
 
     /// Whether a requirement of that id may be missing because its document is not loaded: neither
