@@ -54,12 +54,12 @@ Exit codes: 0 green, 1 a case failed, 2 usage, 3 a file cannot be read or writte
 pub enum Command {
     /// Run suites against a device under test
     Run(RunArgs),
-    /// List what would run and what would be skipped; `list suites`, `list devices`, `list mutants`,
-    /// `list freedoms`, `list personalities`, and behind each a word of the names
+    /// List what would run and what would be skipped; `list suites`, `list devices`, `list
+    /// mutants`, `list freedoms`, `list personalities`, and behind each a word of the names
     List(ListArgs),
     /// Check suites, register and mutants without a bus
     Check(CheckArgs),
-    /// Run a reference device on a CAN interface, or with --stdio as a program, which needs no CAN
+    /// Run a reference device on a CAN interface, or with --stdio as a program, which needs none
     Serve(ServeArgs),
     /// List the nodes on a bus and the data sheets that match
     Scan(ScanArgs),

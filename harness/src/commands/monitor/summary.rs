@@ -18,6 +18,10 @@ pub(super) struct Summary<'r> {
     devices: usize,
 }
 
+/// What is said where no device is named.
+const NOBODY: &str = "no device was judged: `--device NAME@ID` names one like a reference device, \
+                      and `--node ID --eds FILE` any other\n";
+
 /// How many kinds of devices are named between which a trace does not decide.
 const NAMED: usize = 4;
 
@@ -108,11 +112,7 @@ impl<'r> Summary<'r> {
     /// All of it, for people.
     pub(super) fn text(&self) -> String {
         match self.devices {
-            0 => {
-                self.text.clone()
-                    + "no device was judged: `--device NAME@ID` names one like a reference device, and \
-                  `--node ID --eds FILE` any other\n"
-            }
+            0 => self.text.clone() + NOBODY,
             _ => self.text.clone(),
         }
     }
