@@ -842,7 +842,9 @@ pub struct WaiveArgs {
     /// Instead, leave out of this file of waivers, in place, those that have expired and those that
     /// these runs show to be needed no longer; what they do not decide stays
     #[arg(
-        long, value_name = "FILE", conflicts_with_all = ["case", "out", "reason", "owner", "expires"]
+        long,
+        value_name = "FILE",
+        conflicts_with_all = ["case", "out", "reason", "owner", "expires"]
     )]
     pub prune: Option<PathBuf>,
     /// Waive only what these cases show, as the patterns of a run name them

@@ -4,7 +4,6 @@
 use std::cmp::Reverse;
 use std::fmt::Write as _;
 
-use crate::run::Counts;
 use crate::verdict::Verdict;
 
 /// What is different from an earlier run.
@@ -196,15 +195,16 @@ pub(crate) const MOST_CHANGES: usize = 50;
 
 /// ` (4 FAIL, 2 LENIENT)`, of causes that are not all FAIL; else nothing.
 pub(crate) fn kinds(verdicts: impl Iterator<Item = Verdict>) -> String {
-    let counts: Counts = verdicts.collect();
-    if counts.total() == counts.of(Verdict::Fail) {
+    let verdicts: Vec<Verdict> = verdicts.collect();
+    let count = |of: Verdict| verdicts.iter().filter(|it| **it == of).count();
+    if count(Verdict::Fail) == verdicts.len() {
         return String::new();
     }
     let mut all = Verdict::ALL;
     all.sort_by_key(|verdict| Reverse(verdict.weight()));
-    let said = all.into_iter().filter(|verdict| counts.of(*verdict) > 0);
-    let said: Vec<String> =
-        said.map(|verdict| format!("{} {verdict}", counts.of(verdict))).collect();
+    let said = all.into_iter().map(|verdict| (count(verdict), verdict));
+    let said = said.filter(|(count, _)| *count > 0);
+    let said: Vec<String> = said.map(|(count, verdict)| format!("{count} {verdict}")).collect();
     format!(" ({})", said.join(", "))
 }
 
