@@ -38,7 +38,7 @@ fn the_action_compares_with_the_main_branch() {
     }
     // A branch leaves nothing behind.
     assert_eq!(server.github("github", &inputs, "topic", DUT), 0);
-    assert!(server.summary().contains("Nothing changed"), "{}", server.summary());
+    assert!(server.summary().contains("no case changed"), "{}", server.summary());
     // What is red as on the main branch is nothing new.
     let only_new = [inputs[0], ("only-new", "true")];
     assert_eq!(server.github("github", &only_new, "topic", DEFECT), 10);

@@ -59,7 +59,7 @@ impl Table {
                         slip.place,
                         format!("no column is named {}; did you mean `${name}`?", slip.value),
                     ),
-                    None => complain(column.place, format!("nothing uses ${name}; {REPEATS}")),
+                    None => complain(column.place, format!("nothing uses ${name}")),
                 }
             }
         }
@@ -124,10 +124,6 @@ fn slip_of(
         !is_known && is_slip(stranger.value.trim_start_matches('$'), column)
     })
 }
-
-/// What somebody may have wanted who gives a table a column that nothing uses.
-const REPEATS: &str = "to send, ask or expect again without it, `produce`, `sync`, `ask` and \
-                       `measure` have a `count`";
 
 fn counted(count: usize, noun: &str) -> String {
     format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
@@ -250,9 +246,8 @@ mod tests {
 
     #[test]
     fn mistakes_in_tables_have_places() {
-        let unused = format!("nothing uses $b; {REPEATS}");
         for (text, place, said) in [
-            ("content: $a\nfor: [a, b]\nrows: [[1, 2]]\n", (2, 10), unused.as_str()),
+            ("content: $a\nfor: [a, b]\nrows: [[1, 2]]\n", (2, 10), "nothing uses $b"),
             (
                 "content: $a $thn\nfor: [a, then]\nrows: [[1, 2]]\n",
                 (1, 10),

@@ -355,8 +355,9 @@ impl Book {
                 Some(page.0)
             }
             4 => {
+                let is_known = object(code as u16, &self.library.catalogue).is_some();
                 let object = self.object(code as u16);
-                if object.is_some() && !EmcyCode(code as u16).is_named() {
+                if is_known && !EmcyCode(code as u16).is_named() {
                     return object;
                 }
                 let emcy = EmcyCode(code as u16);

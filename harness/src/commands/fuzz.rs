@@ -126,7 +126,8 @@ fn carry_out(
     // Where the limit was typed, it is known.
     if stopped.is_none() && findings.len() >= args.max_findings.max(MAX_FINDINGS) {
         complain!(
-            "note: it stopped after {} in which something was wrong; `--max-findings N` is the limit",
+            "note: it stopped after {} in which something was wrong, which is the limit; \
+             `--max-findings N` sets another one",
             counted(findings.len(), "session"),
         );
     }

@@ -288,7 +288,13 @@ impl Expander<'_> {
     /// Columns and rows, with a value for each column in each row. All columns are used in
     /// `content`.
     fn table(&self, written: &Tree, content: &[Tree], inside: Inside<'_>) -> Option<Table> {
-        let complain = &mut |place, message| self.complain(place, message);
+        let complain = &mut |place, message: String| {
+            // What somebody may have wanted who gives a table a column that nothing uses.
+            let help = "; to send, ask or expect again without it, `produce`, `sync`, `ask` and \
+                        `measure` have a `count`";
+            let help = if message.starts_with("nothing uses") { help } else { "" };
+            self.complain(place, message + help);
+        };
         Table::read(written, content, inside.values, inside.stand(), complain)
     }
 

@@ -32,8 +32,8 @@ pub(super) fn entry(name: &str, catalogue: &Catalogue) -> Option<String> {
     }
 }
 
-/// What the descriptions of reference devices say of an object beyond its profile, or its name where
-/// no profile has it; `None` when they say nothing.
+/// What the descriptions of reference devices say of an object beyond its profile, or its name
+/// where no profile has it; `None` when they say nothing.
 pub(super) fn of_devices(index: u16, catalogue: &Catalogue) -> Option<String> {
     let (mut known, mut is_known) = (BTreeSet::new(), false);
     for facts in catalogue.profiles().iter().filter_map(|profile| profile.lookup(index)) {
