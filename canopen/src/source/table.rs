@@ -249,9 +249,9 @@ mod tests {
         for (text, place, said) in [
             ("content: $a\nfor: [a, b]\nrows: [[1, 2]]\n", (2, 10), "nothing uses $b"),
             (
-                "content: $a $thn\nfor: [a, then]\nrows: [[1, 2]]\n",
+                "content: $a $thxn\nfor: [a, then]\nrows: [[1, 2]]\n",
                 (1, 10),
-                "no column is named $thn; did you mean `$then`?",
+                "no column is named $thxn; did you mean `$then`?",
             ),
             (
                 "content: $a\nfor: [a, a]\nrows: [[1, 2]]\n",
