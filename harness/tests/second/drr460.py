@@ -540,7 +540,6 @@ class Drr460(Node):
         if not self.samples or self.now >= self.sampled_at + 0.1:
             self.sampled_at = self.now
             self.samples.append(value)
-        self.samples[-1] = value
         self.samples = self.samples[-self.p(10):]
         self.process = rounded(clamp(sum(self.samples) / len(self.samples), -32768, 32767))
         return False
@@ -1008,8 +1007,9 @@ class Drr460(Node):
             self.key_since, self.key_done = self.now, False
         elif self.now > self.key_since + 3 and not self.key_done and self.p(90):
             self.key_done = True
-            # How much below the current is open.
-            self.od[0x3000, 92].value = clamp(int(self.amperes() * 0.8), 0, 2000)
+            # How much below the current is open; no current is no threshold.
+            if self.amperes() > 0:
+                self.od[0x3000, 92].value = clamp(rounded(self.amperes() * 0.8), 1, 2000)
 
     def tick(self):
         if self.state is not None:
