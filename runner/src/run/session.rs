@@ -442,7 +442,10 @@ impl Session<'_> {
         let unobserved = Common { observer: &Unobserved, ..common };
         for witness in reliance.witnesses_of(failed) {
             let Aftermath::Left(left) = *aftermath else { return };
-            if self.excused(witness, common.baseline, blocks).is_some() {
+            // What a case left changed may be why a witness fails.
+            if !self.undo.left().is_empty()
+                || self.excused(witness, common.baseline, blocks).is_some()
+            {
                 continue;
             }
             let blocked = reliance.blocks(witness).map(Outcome::Blocked);
@@ -453,7 +456,11 @@ impl Session<'_> {
                 *aftermath = ran.aftermath;
                 self.at_its_level(witness, reliance.judged(witness, ran.outcome))
             });
-            reliance.learn(witness, &outcome);
+            // Where the device breaks what it must keep, the failure stays the only sign of it: the
+            // witness is in no report, and BLOCKED alone leaves a run green.
+            if !matches!(outcome, Outcome::Fail(_) | Outcome::Flaky { .. }) {
+                reliance.learn(witness, &outcome);
+            }
         }
     }
 
