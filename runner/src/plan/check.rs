@@ -22,7 +22,8 @@ use crate::suite::model::Case;
 use crate::suite::profile::About;
 use crate::suite::refusal::Refusal;
 use crate::suite::step::{
-    Ask, Bounds, FastscanStep, LssStep, Measure, Observe, Produce, Read, Remap, Step, Until, Write,
+    Ask, Bounds, FastscanStep, LssStep, Measure, Observe, Produce, REPEATS, Read, Remap, Step,
+    Until, Write,
 };
 
 /// Checks that what a case requires can exist at all. `model` is the data sheet of the device that
@@ -610,8 +611,8 @@ impl<'c> Checker<'c> {
     }
 
     fn unused(&mut self) {
-        let help = "; to send or ask again, `produce`, `sync`, `ask` and `measure` have a `count`";
-        let matrix = self.case.matrix.iter().map(|(name, values)| (name, &values.place, help));
+        let of_matrix = self.case.matrix.iter();
+        let matrix = of_matrix.map(|(name, values)| (name, &values.place, REPEATS));
         let names = matrix.chain(self.saved.iter().map(|(name, place)| (name, place, "")));
         let unused = names.filter(|(name, ..)| !self.scope.uses(name));
         let unused: Vec<_> = unused.map(|(name, at, help)| (name.clone(), *at, help)).collect();

@@ -13,6 +13,7 @@ use super::definition::{Definition, Definitions, Taken, unknown_key};
 use super::formula;
 use super::literal::Amount;
 use super::scale::Scale;
+use super::step::REPEATS;
 use super::vocabulary::Vocabulary;
 use super::words::{Counted, Words};
 use crate::nearest::did_you_mean;
@@ -289,10 +290,7 @@ impl Expander<'_> {
     /// `content`.
     fn table(&self, written: &Tree, content: &[Tree], inside: Inside<'_>) -> Option<Table> {
         let complain = &mut |place, message: String| {
-            // What somebody may have wanted who gives a table a column that nothing uses.
-            let help = "; to send, ask or expect again without it, `produce`, `sync`, `ask` and \
-                        `measure` have a `count`";
-            let help = if message.starts_with("nothing uses") { help } else { "" };
+            let help = if message.starts_with("nothing uses") { REPEATS } else { "" };
             self.complain(place, message + help);
         };
         Table::read(written, content, inside.values, inside.stand(), complain)

@@ -15,6 +15,10 @@ use super::profile::About;
 use super::refusal::{Refusal, Refused};
 use crate::source::At;
 
+/// What may be wanted where a table or a matrix has a name that nothing uses.
+pub(crate) const REPEATS: &str = "; to send, ask or expect again without it, `produce`, `sync`, \
+                                  `ask` and `measure` have a `count`";
+
 /// One step.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
