@@ -438,4 +438,9 @@ decisions! {
     fn average(&self, sum: f64, samples: usize) -> f64 {
         sum / samples as f64
     }
+
+    /// The first sample fills the average, so that it need not climb from zero (chapters 6 and 7).
+    fn average_starts_full(&self) -> bool {
+        true
+    }
 }

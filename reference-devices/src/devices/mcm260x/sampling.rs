@@ -53,13 +53,14 @@ impl AnalogueInput {
         }
         let period = period(parameters.value(Item::Frequency, place));
         let sample = sensor::sample(self.connected, terminals, place, parameters);
+        let wanted = wanted(place, parameters);
         while let Some(due) = self.next.filter(|due| *due <= now) {
             self.take(due, sample, place, parameters);
-            self.next = (!self.is_settled(sample)).then(|| after(due, period));
+            self.next = (!self.is_settled(sample, wanted)).then(|| after(due, period));
         }
         if changed {
             // The next sample sees any change.
-            self.next = (!self.is_settled(sample)).then(|| after(now, period));
+            self.next = (!self.is_settled(sample, wanted)).then(|| after(now, period));
             self.show(place, parameters);
         }
     }
@@ -100,9 +101,8 @@ impl AnalogueInput {
             return;
         }
         self.samples.push_back(digits);
-        // The first sample fills the average, so that it need not climb from zero.
-        let wanted = parameters.value(Item::Filter, place).max(1) as usize;
-        while self.samples.len() < wanted {
+        let wanted = wanted(place, parameters);
+        while parameters.rules.average_starts_full() && self.samples.len() < wanted {
             self.samples.push_front(self.samples[0]);
         }
         while self.samples.len() > wanted {
@@ -144,18 +144,24 @@ impl AnalogueInput {
         true
     }
 
-    /// Whether another sample like this one would change nothing.
-    fn is_settled(&self, sample: Sample) -> bool {
+    /// Whether another sample like this one would change nothing, now and after a step.
+    fn is_settled(&self, sample: Sample, wanted: usize) -> bool {
         match sample {
             Sample::Off => self.off && self.value == 0,
             Sample::OutOfRange(end) => self.out_of_range && self.value == shown(end),
             Sample::Valid(digits) => {
                 let known = !self.samples.is_empty() && self.discarding.is_none();
                 let known = known && !self.out_of_range && !self.off;
+                let known = known && self.samples.len() >= wanted;
                 known && self.samples.iter().all(|sample| *sample == digits)
             }
         }
     }
+}
+
+/// How many samples the average has, once it has all of them.
+fn wanted(place: usize, parameters: Parameters) -> usize {
+    parameters.value(Item::Filter, place).max(1) as usize
 }
 
 /// Digits as an object can hold them.

@@ -292,7 +292,7 @@ impl Controller {
         let watches = settings.current.enabled || self.input.latch.is_enabled();
         let controls = settings.pid.as_ref().is_some_and(|pid| !self.pid.is_settled(pid));
         let moves = controls && self.is_automatic;
-        self.input.is_settled(rules) && !is_under_way && !watches && !moves
+        self.input.is_settled(&settings.reading, rules) && !is_under_way && !watches && !moves
     }
 
     /// The states of the terminals.

@@ -53,9 +53,10 @@ impl Filter {
         *self = Self::default();
     }
 
-    /// Whether another sample like the last one would change nothing.
-    pub(super) fn is_settled(&self) -> bool {
-        self.samples.iter().all(|sample| Some(sample) == self.samples.back())
+    /// Whether another sample like the last one would change nothing, now and after a step.
+    pub(super) fn is_settled(&self, wanted: i64, rules: &Rules) -> bool {
+        let grows = rules.filters_by_mean() && (self.samples.len() as i64) < wanted;
+        !grows && self.samples.iter().all(|sample| Some(sample) == self.samples.back())
     }
 }
 
@@ -76,8 +77,21 @@ mod tests {
             [(); 5].map(|()| filter.take(200.0, 4, 0.1, &Rules::plain())),
             [125.0, 150.0, 175.0, 200.0, 200.0]
         );
-        assert!(filter.is_settled());
+        assert!(filter.is_settled(4, &Rules::plain()));
         assert_eq!([(); 2].map(|()| filter.take(240.0, 4, 0.05, &Rules::plain())), [210.0, 220.0]);
         assert_eq!(filter.take(0.0, 1, 0.1, &Rules::plain()), 0.0);
+    }
+
+    /// It goes on with equal samples, since a step changes less when there are more of them.
+    #[test]
+    fn a_mean_that_begins_with_one_sample_settles_when_it_has_all() {
+        let rules = Rules::otherwise("filter-starts-full: false");
+        let mut filter = Filter::default();
+        let settles = [(); 4].map(|()| {
+            filter.take(100.0, 4, 0.1, &rules);
+            filter.is_settled(4, &rules)
+        });
+        assert_eq!(settles, [false, false, false, true]);
+        assert_eq!(filter.take(200.0, 4, 0.1, &rules), 125.0);
     }
 }

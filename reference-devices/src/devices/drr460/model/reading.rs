@@ -57,8 +57,8 @@ pub(super) struct Input {
     sensor: Option<Sensor>,
     /// The share of its range that a linear signal has, for latch-on.
     pub(super) share: f64,
-    /// The connection at the last sample, and its age.
-    held: Option<Connected>,
+    /// The last sample, and its age.
+    last: Option<Reading>,
     since: f64,
     /// The process value that was shown last.
     shown: i64,
@@ -74,9 +74,27 @@ pub(super) struct Reading {
 }
 
 impl Input {
-    /// Takes a sample of the connection; `terminals` is the temperature of the terminals in degrees
-    /// Celsius.
+    /// Takes a sample of the connection, or shows that at the start of the period; `terminals` is
+    /// the temperature of the terminals in degrees Celsius.
     pub(super) fn sample(
+        &mut self,
+        connected: (Connected, f64),
+        settings: &Settings,
+        elapsed: f64,
+        rules: &Rules,
+    ) -> Reading {
+        self.since += elapsed;
+        let is_early = !rules.samples_at_once() && self.since + ROUNDING < PERIOD;
+        if let Some(last) = self.last.filter(|_| is_early) {
+            return last;
+        }
+        let elapsed = std::mem::take(&mut self.since);
+        let reading = self.measure(connected, settings, elapsed, rules);
+        self.last = Some(reading);
+        reading
+    }
+
+    fn measure(
         &mut self,
         (connected, terminals): (Connected, f64),
         settings: &Settings,
@@ -84,7 +102,6 @@ impl Input {
         rules: &Rules,
     ) -> Reading {
         let lag = terminals - rules.compensated(terminals);
-        let connected = self.hold(connected, elapsed, rules);
         let kilohms = rules.track(connected.kilohms, settings.kilohms);
         let connected = Connected { kilohms, ..connected };
         if self.sensor.replace(settings.sensor) != Some(settings.sensor) {
@@ -114,16 +131,6 @@ impl Input {
         }
     }
 
-    /// The present connection, or that at the start of the last period.
-    fn hold(&mut self, connected: Connected, elapsed: f64, rules: &Rules) -> Connected {
-        self.since += elapsed;
-        let held = self.held.filter(|_| !rules.samples_at_once() && self.since + ROUNDING < PERIOD);
-        if held.is_none() {
-            (self.held, self.since) = (Some(connected), 0.0);
-        }
-        held.unwrap_or(connected)
-    }
-
     fn digits(&mut self, value: f64, settings: &Settings, rules: &Rules) -> f64 {
         if !settings.sensor.is_linear() {
             let digits = rules.degrees(value, settings.unit) * 10.0;
@@ -143,8 +150,8 @@ impl Input {
     }
 
     /// Whether another sample of the same signal would say the same.
-    pub(super) fn is_settled(&self, rules: &Rules) -> bool {
-        self.filter.is_settled() && rules.samples_at_once()
+    pub(super) fn is_settled(&self, settings: &Settings, rules: &Rules) -> bool {
+        self.filter.is_settled(settings.samples, rules) && rules.samples_at_once()
     }
 }
 
