@@ -38,7 +38,7 @@ use model::expansion::{self, Silence};
 use model::flags::MemoryFault;
 use model::load::{Drive, Load};
 use model::parameters::Parameters;
-use model::rules::Rules;
+use model::rules::{FIGURES, Rules};
 use model::switches::Switches;
 use model::wiring::Terminals;
 use objects::{
@@ -56,6 +56,8 @@ pub(super) const DECISIONS: Set = Set::of::<model::rules::Decision>();
 #[derive(Clone)]
 pub(crate) struct Drr460 {
     rules: Arc<Rules>,
+    /// The same with other figures.
+    others: Arc<[Arc<Rules>]>,
     io: IoBlock,
     settings: Settings,
     expansion: expansion::Settings,
@@ -98,7 +100,9 @@ impl Drr460 {
     /// The controller that keeps to its manual but for these decisions.
     pub(crate) fn with_deviations(eds: &Eds, otherwise: &[Otherwise<'_>]) -> Self {
         let of_io = PixsysIo::default().rules().with(otherwise);
-        Self::with(Rules::default().with(otherwise), IoBlock::new(eds, of_io))
+        let rules = || Rules::default().with(otherwise);
+        let others = Arc::new(FIGURES.map(|figures| Arc::new(figures.of(rules()))));
+        Self { others, ..Self::with(rules(), IoBlock::new(eds, of_io)) }
     }
 
     fn with(rules: Rules, io: IoBlock) -> Self {
@@ -107,6 +111,7 @@ impl Drr460 {
             settings: Settings::of(&parameters),
             expansion: expansion::Settings::of(&parameters),
             rules: Arc::new(rules),
+            others: Arc::default(),
             io,
             controller: Controller::default(),
             inputs: Inputs::default(),
@@ -643,6 +648,14 @@ impl Behaviour for Drr460 {
 
     fn observe(&self, name: &str, _od: &Dictionary) -> Option<Value> {
         self.see(name)
+    }
+
+    fn other_figures(&self) -> usize {
+        self.others.len()
+    }
+
+    fn take_figures(&mut self, place: usize) {
+        self.rules = Arc::clone(&self.others[place]);
     }
 
     fn has_edges(&self, mux: Mux) -> bool {

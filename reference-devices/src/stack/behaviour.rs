@@ -113,6 +113,15 @@ pub(crate) trait Behaviour: Send + Duplicate {
         None
     }
 
+    /// How many sets of other figures [`take_figures`](Self::take_figures) knows.
+    fn other_figures(&self) -> usize {
+        0
+    }
+
+    /// Works with other figures where the documents give none. A device in a time of its own may
+    /// have these, or any between them and those of the application.
+    fn take_figures(&mut self, _place: usize) {}
+
     /// Whether the changes of a mapped object are edges: each counts from the level before, be that
     /// transmitted or not.
     fn has_edges(&self, _mux: Mux) -> bool {

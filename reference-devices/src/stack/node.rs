@@ -103,6 +103,17 @@ impl Node {
         self.sdo.take_segments()
     }
 
+    /// How many sets of other figures [`take_figures`](Self::take_figures) knows.
+    pub fn other_figures(&self) -> usize {
+        self.services.other_figures()
+    }
+
+    /// The application works with other figures where its documents give none, from its next start
+    /// on.
+    pub fn take_figures(&mut self, place: usize) {
+        self.services.take_figures(place);
+    }
+
     /// Gives an object the value that the application of another device has given it.
     pub fn take_value(&mut self, mux: Mux, bytes: &[u8]) {
         self.services.base.od.set(mux, bytes);

@@ -359,6 +359,16 @@ impl Services {
         }
     }
 
+    /// How many sets of other figures the application knows.
+    pub(crate) fn other_figures(&self) -> usize {
+        self.behaviour.other_figures()
+    }
+
+    /// The application works with other figures.
+    pub(crate) fn take_figures(&mut self, place: usize) {
+        self.behaviour.take_figures(place);
+    }
+
     /// The physical side of the application.
     pub(crate) fn bench_names(&self) -> Vec<String> {
         self.behaviour.bench_names()

@@ -60,7 +60,8 @@ struct Judge<'s> {
     first: Lane,
     /// A device that was not yet switched on.
     model: Box<dyn Replica>,
-    /// What is like it when everything came earlier, and later; built when they are needed.
+    /// What is like it when everything came earlier, and later, and with other figures; built when
+    /// they are needed.
     others: Option<Vec<Shifted>>,
     /// What the device sent since the last look, but for answers and emergency messages.
     sent: Vec<Frame>,
@@ -420,12 +421,22 @@ impl<'s> Judge<'s> {
         Some(lane)
     }
 
-    /// The replicas for which everything came earlier and later, at the time of what was seen.
+    /// The replicas for which everything came earlier and later, and those that have other figures
+    /// where the documents give none, at the time of what was seen.
     fn others(&mut self, place: usize, at: Instant) -> &mut [Shifted] {
         let (seen, model, node) = (self.seen, &self.model, self.node);
-        let by = if self.own_time { &SHIFTS_ON_BUS[..] } else { &SHIFTS };
+        let (by, figures) = match self.own_time {
+            true => (&SHIFTS_ON_BUS[..], model.node().other_figures()),
+            false => (&SHIFTS[..], 0),
+        };
         let others = self.others.get_or_insert_with(|| {
-            by.iter().map(|by| Shifted::new(seen, model.clone(), node, *by)).collect()
+            let shifted = by.iter().map(|by| Shifted::new(seen, model.clone(), node, *by));
+            let figured = (0..figures).map(|place| {
+                let mut other = model.clone();
+                other.node_mut().take_figures(place);
+                Shifted::new(seen, other, node, Shift::NONE)
+            });
+            shifted.chain(figured).collect()
         });
         for other in others.iter_mut() {
             other.follow(seen, place, at);

@@ -7,7 +7,7 @@ use std::time::Duration;
 use canopen::{Abort, Mux};
 
 use super::switches::Switches;
-use crate::decisions::Layers;
+use crate::decisions::{Layers, Taken};
 use crate::devices::pixsys::led::Pattern;
 use crate::stack::Attachment;
 
@@ -15,6 +15,31 @@ use deviations::tables;
 
 /// All decisions of a controller; clauses are those of its manual.
 pub(crate) type Rules = Layers<Decision>;
+
+/// Figures that the manual does not give.
+pub(crate) struct Figures {
+    /// In seconds.
+    derivative_filter: f64,
+    control_cycle: Duration,
+}
+
+/// Between these and those of the decisions lies what a controller is expected to have.
+pub(crate) const FIGURES: [Figures; 5] = [
+    Figures { derivative_filter: 0.05, control_cycle: Duration::from_millis(10) },
+    Figures { derivative_filter: 0.2, control_cycle: Duration::from_millis(10) },
+    Figures { derivative_filter: 1.0, control_cycle: Duration::from_millis(10) },
+    Figures { derivative_filter: 0.05, control_cycle: Duration::from_millis(100) },
+    Figures { derivative_filter: 0.2, control_cycle: Duration::from_millis(100) },
+];
+
+impl Figures {
+    /// These rules with the figures.
+    pub(crate) fn of(&self, rules: Rules) -> Rules {
+        let filter = Decision::derivative_filter(Taken::Is(self.derivative_filter));
+        let cycle = Decision::control_cycle(Taken::Is(self.control_cycle));
+        rules.under(filter, None).under(cycle, None)
+    }
+}
 
 decisions! {
     /// The decisions. The default methods are a summary of what the manual says.
