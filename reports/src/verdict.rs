@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use canopen::{Frame, Instant};
+use canopen::{Frame, Instant, Pattern, meaning};
 use serde::{Deserialize, Serialize};
 
 use crate::wire;
@@ -355,6 +355,15 @@ pub struct Excerpt {
     /// The lines after it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub after: Vec<String>,
+}
+
+impl Problem {
+    /// What an expected frame means, where it is a whole one; what came is told in words anyway.
+    pub(crate) fn expected_in_words(&self) -> Option<String> {
+        let frame = self.expected.split(" within ").next()?;
+        let frame = frame.parse::<Pattern>().ok()?.frame()?;
+        Some(meaning(&frame).to_string())
+    }
 }
 
 #[cfg(test)]

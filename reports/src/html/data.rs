@@ -228,6 +228,8 @@ impl Details {
                 all.field("step", named(&step.text));
             }
             all.field("expected", named(&problem.expected));
+            let words = problem.expected_in_words();
+            all.fields.extend(words.map(|words| ("in words", named(&words))));
             all.field("came", named(&problem.actual));
             if let Some(frame) = &problem.raw {
                 all.field("frame", named(&format!("{frame}  {}", meaning(frame))));

@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Write as _};
 
-use canopen::{Frame, Instant, Pattern, Stamped, meaning};
+use canopen::{Frame, Instant, Stamped, meaning};
 
 use super::{one_line, plural};
 use crate::event::Measured;
@@ -109,7 +109,7 @@ impl Block<'_> {
     }
 
     fn difference(&mut self, problem: &Problem) {
-        let words = in_words(&problem.expected).into_iter();
+        let words = problem.expected_in_words().into_iter();
         let expected = std::iter::once(problem.expected.clone()).chain(words);
         self.named("expected", &expected.collect::<Vec<_>>().join("\n"));
         self.named("came", &problem.actual);
@@ -277,13 +277,6 @@ fn decimal(figure: f64) -> String {
 fn length(frame: &Frame) -> usize {
     let id = if frame.id.is_extended() { 8 } else { 3 };
     id + 1 + if frame.remote { 2 } else { 2 * frame.data.len() }
-}
-
-/// What an expected frame means, where it is a whole one; what came is told in words anyway.
-fn in_words(expected: &str) -> Option<String> {
-    let frame = expected.split(" within ").next()?;
-    let frame = frame.parse::<Pattern>().ok()?.frame()?;
-    Some(meaning(&frame).to_string())
 }
 
 /// The width of the labels and of the time stamps.
