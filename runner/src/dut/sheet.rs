@@ -1,6 +1,6 @@
 //! Data sheets as files: their statements, the places of these, and mistakes in them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, OnceLock};
 
 use canopen::Mux;
@@ -88,14 +88,22 @@ impl Sheet {
     }
 }
 
-/// The names of the values of an object. Those of an array are alike and mostly numbers, so the
-/// name of the object says more. The same holds for the number of values.
+/// The names of the values of an object. Where those of an array differ in a number only, such as
+/// "Channel 1" and "Channel 2", the name of the object says more. The same holds for the number of
+/// values.
 fn names(object: &Object) -> impl Iterator<Item = (Mux, String)> + '_ {
-    object.entries.iter().map(|entry| {
-        let of_object = object.kind == ObjectKind::ARRAY || entry.mux.sub == 0;
+    let values = object.entries.iter().filter(|entry| entry.mux.sub != 0);
+    let words: BTreeSet<&str> = values.map(|entry| without_number(&entry.name)).collect();
+    let alike = object.kind == ObjectKind::ARRAY && words.len() < 2;
+    object.entries.iter().map(move |entry| {
+        let of_object = alike || entry.mux.sub == 0;
         let name = if of_object { &object.name } else { &entry.name };
         (entry.mux, name.clone())
     })
+}
+
+fn without_number(name: &str) -> &str {
+    name.trim_end_matches(|at: char| at.is_ascii_digit() || at.is_whitespace())
 }
 
 #[cfg(test)]
@@ -115,5 +123,26 @@ mod tests {
             assert_eq!(sheet.source.line(place.line), line, "{mux}");
         }
         assert_eq!(sheet.used().modules, [2, 1, 1]);
+    }
+
+    #[test]
+    fn the_values_of_an_array_have_names_of_their_own_where_these_say_more_than_a_number() {
+        let section = |sub: &str, name: &str| {
+            format!("[{sub}]\nParameterName={name}\nDataType=0x0003\nAccessType=rw\n")
+        };
+        let array = |index: &str, name: &str, values: [&str; 2]| {
+            let count = section(&format!("{index}sub0"), "Number of entries");
+            let object = format!("[{index}]\nParameterName={name}\nObjectType=0x8\nSubNumber=3\n");
+            let first = section(&format!("{index}sub1"), values[0]);
+            object + &count + &first + &section(&format!("{index}sub2"), values[1])
+        };
+        let text = "[ManufacturerObjects]\nSupportedObjects=2\n1=0x2000\n2=0x2001\n".to_owned()
+            + &array("2000", "Levels", ["Level 1", "Level 2"])
+            + &array("2001", "Parameters", ["Gain", "Offset"]);
+        let (sheet, _) = Sheet::read("arrays.eds", text.as_bytes());
+        let name = |index, sub| sheet.names.of(Mux::new(index, sub)).unwrap().to_owned();
+        assert_eq!([name(0x2000, 1), name(0x2000, 2)], ["Levels", "Levels"]);
+        assert_eq!([name(0x2001, 1), name(0x2001, 2)], ["Gain", "Offset"]);
+        assert_eq!(name(0x2001, 0), "Parameters");
     }
 }
