@@ -408,6 +408,10 @@ impl Session<'_> {
                 self.hear(link, common, &mut reliance, instance, &mut finished.aftermath, blocks);
             }
             let aftermath = finished.aftermath.clone();
+            if let (Outcome::Undecided(reason), false) = (&mut finished.outcome, turn == Turn::Last)
+            {
+                reason.push_str("; it is to be tried again later in this run");
+            }
             let outcome = self.report(link, &mut reliance, instance, &started, finished);
             failed += usize::from(matches!(outcome, Outcome::Fail(_)));
             if matches!(outcome, Outcome::Undecided(_)) {
