@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use canopen::bench::{self, NAMES};
 use canopen::catalogue::{Profile, Shape};
 use canopen::eds::{CODES, Eds, Entry};
-use canopen::{Abort, Mux};
+use canopen::{Abort, Frame, Mux};
 
 use super::bytes::{mapping_word, parse_bytes};
 use super::each::{index_range, matching_entries};
@@ -560,6 +560,14 @@ impl<'c> Checker<'c> {
     fn patterns(&mut self, strict: &At<FrameText>, lenient: &[At<FrameText>]) {
         for text in std::iter::once(strict).chain(lenient) {
             let result = self.scope.pattern(&text.value, self.dut.node);
+            if let Ok(pattern) = &result
+                && let Some(frame) = pattern.frame()
+                && lacks_data(&frame, self.dut.node)
+            {
+                let message = "no device sends a frame without data with this identifier: `...` \
+                               behind `#` stands for any data";
+                self.complain(text.place, message);
+            }
             self.note(result.map(|_| ()), text.place);
         }
     }
@@ -630,6 +638,15 @@ impl<'c> Checker<'c> {
     fn complain(&mut self, place: Place, message: impl Into<String>) {
         self.complaints.push(Complaint::at(&self.suite.source, place, message));
     }
+}
+
+/// Whether it is a frame without data with an identifier on which a node sends frames with data.
+fn lacks_data(frame: &Frame, node: u8) -> bool {
+    const WITH_DATA: [u16; 7] = [0x080, 0x180, 0x280, 0x380, 0x480, 0x580, 0x700];
+    let is_of_node = frame
+        .data_id()
+        .is_some_and(|id| WITH_DATA.iter().any(|function| function + u16::from(node) == id));
+    is_of_node && frame.data.is_empty()
 }
 
 /// Why a case about an object does not apply.
