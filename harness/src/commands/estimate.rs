@@ -102,7 +102,7 @@ pub(super) fn of_plan(
     };
     let usual =
         times.cases.values().sum::<Duration>() / u32::try_from(times.cases.len()).ok()?.max(1);
-    let runs = plan.instances.iter().filter(|instance| instance.skip().is_none());
+    let runs = plan.instances.iter().filter(|it| it.skip().is_none() && !it.is_long());
     let cases: HashMap<String, Duration> = runs
         .map(|instance| {
             let name = instance.name();
@@ -140,7 +140,9 @@ fn rehearse(library: &Library, plan: &Plan, stop: &Stop) -> Option<Times> {
         hooks: Hooks::default(),
         ..plan.dut.clone()
     };
-    let plan = Plan::of(dut, plan.instances.clone());
+    // On a bus whose time is real they do not run.
+    let instances = plan.instances.iter().filter(|instance| !instance.is_long()).cloned();
+    let plan = Plan::of(dut, instances.collect());
     let undo = Undo::default();
     let session = Session::new(&plan, &library.register, bit_rate, stop, &undo);
     let (mut cases, mut open) = (HashMap::new(), None::<(String, Instant)>);

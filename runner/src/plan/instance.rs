@@ -206,6 +206,12 @@ impl Instance {
         habit.or_else(|| self.idle_command(habits))
     }
 
+    /// Whether it takes minutes, and runs in virtual time alone.
+    pub fn is_long(&self) -> bool {
+        let mut supports = self.case().requires.iter().filter_map(|it| it.value.supports.as_ref());
+        supports.any(|supports| supports.value == Capability::VirtualTime)
+    }
+
     /// The indices of the objects that its steps write, or that a case without such a step is
     /// about: those of the communication.
     fn written(&self) -> Vec<u16> {
