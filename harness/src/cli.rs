@@ -667,10 +667,17 @@ fn seconds(text: &str) -> Result<u64, String> {
 #[derive(Debug, Args)]
 pub struct ExplainArgs {
     /// A case, a suite, a requirement, a decision, a mutant, an object such as 1017h, a finding in
-    /// a data sheet such as eds-octal, an SDO abort code such as 0x06020000, an emergency error
+    /// a data sheet such as eds-octal, an SDO abort code such as 0602 0000h, an emergency error
     /// code such as 8130h, a verdict, a step such as nmt, a name of the bench, or a number of
     /// CiA's conformance test such as 2.19
-    pub name: String,
+    #[arg(required = true)]
+    pub name: Vec<String>,
+    /// Data sheet of a device: an object is explained by what it says of it, too
+    #[arg(long, value_name = "FILE")]
+    pub eds: Option<PathBuf>,
+    /// What is plugged into it.
+    #[command(flatten)]
+    pub modules: Plugged,
     /// `sim:PATH`, a device that is described in a folder and known beside those in this program
     #[arg(long, value_name = "TARGET")]
     pub target: Option<String>,

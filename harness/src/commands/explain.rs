@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 
 use canopen::Abort;
 use canopen::catalogue::{Catalogue, Facts, Shape};
-use canopen::eds::{CODES, Code};
+use canopen::eds::{CODES, Code, Eds};
 use canopen::emcy::EmcyCode;
 use reference_devices::devices;
 use reference_devices::freedom::{self, Freedom, Personality};
@@ -28,7 +28,7 @@ use crate::exit::{Exit, Refused};
 use crate::nearest::did_you_mean;
 use crate::reporter::say;
 use crate::source::At;
-use crate::target::{quoted, reference_device};
+use crate::target::{quoted, read_eds, reference_device};
 
 /// Explains a case, a suite, a requirement, a decision, a mutant, a freedom, a personality, an
 /// object, a finding in a data sheet, an abort code, an emergency error code, a verdict, a step, a
@@ -45,8 +45,12 @@ pub(super) fn run(args: &ExplainArgs) -> Result<Exit, Refused> {
     let (freedoms, personalities) = freedoms()?;
     let options = args.folders.options();
     let mutants = mutants(&own, &library.catalogue)?;
-    let book = Book { mutants, freedoms, personalities, library, options, own };
-    let text = book.explain(args.name.trim()).ok_or_else(|| book.unknown(&args.name))?;
+    args.modules.beside(args.eds.as_deref())?;
+    let sheet = args.eds.as_deref().map(|path| read_eds(path, &args.modules)).transpose()?;
+    let sheet = sheet.map(|(sheet, eds)| (sheet.source.name.clone(), eds));
+    let book = Book { mutants, freedoms, personalities, library, options, own, sheet };
+    let name = args.name.join(" ");
+    let text = book.explain(name.trim()).ok_or_else(|| book.unknown(&name))?;
     say(&text);
     Ok(Exit::Green)
 }
@@ -63,6 +67,8 @@ struct Book {
     personalities: Vec<Personality>,
     /// The user's device, with its variants.
     own: Vec<OwnDevice>,
+    /// The user's data sheet, by its name.
+    sheet: Option<(String, Eds)>,
 }
 
 type Freedoms = (Vec<(Freedom, &'static str)>, Vec<Personality>);
@@ -170,8 +176,16 @@ impl Book {
         if let Some(finding) = CODES.iter().find(|known| known.name == name) {
             return Some(self.finding(finding));
         }
+        let sheet = self.sheet.as_ref().and_then(|(file, eds)| entries::of_sheet(name, file, eds));
+        // What another manufacturer has there means something else.
+        if let Some((text, true)) = sheet {
+            return Some(text);
+        }
         let entry = || entries::entry(name, &self.library.catalogue);
-        self.word(name).or_else(|| self.code(name)).or_else(entry)
+        match (sheet, self.word(name).or_else(|| self.code(name)).or_else(entry)) {
+            (Some((text, _)), Some(known)) => Some(text + "\n" + &known),
+            (sheet, known) => sheet.map(|(text, _)| text).or(known),
+        }
     }
 
     fn case(&self, suite: &Suite, case: &At<Case>) -> String {

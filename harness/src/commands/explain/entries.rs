@@ -32,6 +32,23 @@ pub(super) fn entry(name: &str, catalogue: &Catalogue) -> Option<String> {
     }
 }
 
+/// What a data sheet says of an object, `2001h`, or of one of its entries, `2001:01`, and whether it
+/// is specific to the manufacturer; `None` when it does not have it.
+pub(super) fn of_sheet(name: &str, file: &str, eds: &Eds) -> Option<(String, bool)> {
+    let mut page = Page::new(format!("object {name} in {file}"));
+    let is_specific = |index: u16| (0x2000..0x6000).contains(&index);
+    if let Ok(mux) = name.parse::<Mux>() {
+        page.field("entry", &described(eds.entry(mux)?, eds));
+        return Some((page.0, is_specific(mux.index)));
+    }
+    let digits = name.trim_start_matches("0x").trim_end_matches(['h', 'H']);
+    let index = u16::from_str_radix(digits, 16).ok().filter(|_| digits.len() == 4)?;
+    for entry in &eds.object(index)?.entries {
+        page.field(&entry.mux.to_string(), &described(entry, eds));
+    }
+    Some((page.0, is_specific(index)))
+}
+
 /// What the descriptions of reference devices say of an object beyond its profile, or its name
 /// where no profile has it; `None` when they say nothing.
 pub(super) fn of_devices(index: u16, catalogue: &Catalogue) -> Option<String> {
