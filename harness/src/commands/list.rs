@@ -8,7 +8,9 @@ use reference_devices::{devices, freedom, mutant};
 use runner::plan::{Plan, is_named};
 use runner::stop::Stop;
 
+use super::check::mutants_proved_on;
 use super::counted::counted;
+use super::own::is_of_program;
 use super::planned::{Planned, plan_beside};
 use super::select::select;
 use crate::cli::ListArgs;
@@ -92,7 +94,11 @@ fn list_of(what: &str, words: &[String], selection: &Selection) -> Option<Result
         "suites" => Some(suites(words, selection)),
         "devices" => Some(devices_of(words)),
         "mutants" => Some(named(words, selection, |device| {
-            let mutants = mutant::of(device)?;
+            // Those that any device can be stand in the list without a target.
+            let mutants = match is_of_program(&device.description.device) {
+                true => mutant::of(device)?,
+                false => mutants_proved_on(device)?,
+            };
             Ok(mutants.into_iter().map(|mutant| (mutant.name, mutant.why)).collect())
         })),
         "freedoms" => Some(named(words, selection, |device| {
