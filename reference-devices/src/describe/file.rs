@@ -50,9 +50,12 @@ pub struct DeviceFile {
     pub(super) default_node: At<u8>,
     /// Bits in which PDO mapping counts, 8 for whole bytes.
     pub(super) granularity: u8,
-    /// Whether it has layer setting services.
+    /// Whether it has layer setting services. Unless given, it has none.
+    #[serde(default)]
     pub(super) lss: bool,
-    /// Data types that it takes as dummy entries of an RPDO mapping, by number.
+    /// Data types that it takes as dummy entries of an RPDO mapping, by number. Unless given, it
+    /// takes none.
+    #[serde(default)]
     pub(super) dummy: Vec<u16>,
     /// What the stack has to know and a data sheet cannot say.
     #[serde(default)]
