@@ -60,9 +60,10 @@ struct Judge<'s> {
     first: Lane,
     /// A device that was not yet switched on.
     model: Box<dyn Replica>,
-    /// What is like it when everything came earlier, and later, and with other figures; built when
-    /// they are needed.
+    /// What is like it when everything came earlier, and later; built when they are needed.
     others: Option<Vec<Shifted>>,
+    /// The same with other figures where the documents give none.
+    figured: Option<Vec<Shifted>>,
     /// What the device sent since the last look, but for answers and emergency messages.
     sent: Vec<Frame>,
     /// The emergency messages since then.
@@ -95,6 +96,7 @@ impl<'s> Judge<'s> {
             first,
             model,
             others: None,
+            figured: None,
             sent: Vec::new(),
             told: Vec::new(),
             request: None,
@@ -180,24 +182,29 @@ impl<'s> Judge<'s> {
         if let (Some(mux), Some(got), true) = (mux, &got, is_read)
             && let Some(data_type) = self.first.dictionary().entry(mux).map(|it| it.data_type)
         {
-            let mut band: Vec<Value> = Vec::new();
-            let mut take = |frame: Option<&Frame>| {
-                let value = frame.and_then(value).and_then(|it| data_type.decode(&it).ok());
-                band.extend(value);
+            let read = |frame: Option<&Frame>| {
+                frame.and_then(value).and_then(|it| data_type.decode(&it).ok())
             };
-            take(expected.as_ref());
+            let mut band: Vec<Value> = read(expected.as_ref()).into_iter().collect();
             for other in self.others(place, at) {
                 other.lane.advance(at);
-                take(other.lane.answer().as_ref());
+                band.extend(read(other.lane.answer().as_ref()));
             }
             if let (Some(mut lane), Some(question)) = (self.ahead(at), &self.question) {
-                take(lane.asked(at + CYCLE, question).as_ref());
+                band.extend(read(lane.asked(at + CYCLE, question).as_ref()));
             }
             let is_wide = data_type.size().is_some_and(|size| size > 1);
-            if let Ok(got) = data_type.decode(got)
-                && lies_in(&got, &band, is_wide)
-            {
-                return None;
+            if let Ok(got) = data_type.decode(got) {
+                if lies_in(&got, &band, is_wide) {
+                    return None;
+                }
+                for other in self.figured(place, at) {
+                    other.lane.advance(at);
+                    band.extend(read(other.lane.answer().as_ref()));
+                }
+                if lies_in(&got, &band, is_wide) {
+                    return None;
+                }
             }
             let words = |bytes: Option<Vec<u8>>| {
                 let value = bytes.and_then(|bytes| data_type.decode(&bytes).ok());
@@ -244,6 +251,13 @@ impl<'s> Judge<'s> {
         let is_led = name.contains("led");
         let is_wide = !name.starts_with("digital-") && !is_led;
         if lies_in(value, &band, is_wide) || is_led && self.shows_about(place, at, name, value) {
+            return None;
+        }
+        for other in self.figured(place, at) {
+            other.lane.pass(at);
+            band.extend(other.lane.observe(name));
+        }
+        if lies_in(value, &band, is_wide) {
             return None;
         }
         let known = expected.clone();
@@ -366,14 +380,17 @@ impl<'s> Judge<'s> {
             return None;
         }
         if let Some(last) = last.filter(|_| own_time) {
+            let may_be = |lane: &Lane| {
+                let (sent, first, _) = may_be_last(lane);
+                sent.into_iter().skip(first)
+            };
             let first = std::iter::once(&self.first);
             let lanes = first.chain(self.others.iter().flatten().map(|other| &other.lane));
-            let known: Vec<Frame> = lanes
-                .flat_map(|lane| {
-                    let (sent, first, _) = may_be_last(lane);
-                    sent.into_iter().skip(first)
-                })
-                .collect();
+            let mut known: Vec<Frame> = lanes.flat_map(may_be).collect();
+            for other in self.figured(place, at) {
+                other.lane.pass(at);
+                known.extend(may_be(&other.lane));
+            }
             // What moves is somewhere between where it is for the replicas.
             if lies_among(last, &known, self.first.dictionary()) {
                 return None;
@@ -421,27 +438,38 @@ impl<'s> Judge<'s> {
         Some(lane)
     }
 
-    /// The replicas for which everything came earlier and later, and those that have other figures
-    /// where the documents give none, at the time of what was seen.
+    /// The replicas for which everything came earlier and later, at the time of what was seen.
     fn others(&mut self, place: usize, at: Instant) -> &mut [Shifted] {
         let (seen, model, node) = (self.seen, &self.model, self.node);
-        let (by, figures) = match self.own_time {
-            true => (&SHIFTS_ON_BUS[..], model.node().other_figures()),
-            false => (&SHIFTS[..], 0),
-        };
+        let by = if self.own_time { &SHIFTS_ON_BUS[..] } else { &SHIFTS };
         let others = self.others.get_or_insert_with(|| {
-            let shifted = by.iter().map(|by| Shifted::new(seen, model.clone(), node, *by));
-            let figured = (0..figures).map(|place| {
-                let mut other = model.clone();
-                other.node_mut().take_figures(place);
-                Shifted::new(seen, other, node, Shift::NONE)
-            });
-            shifted.chain(figured).collect()
+            by.iter().map(|by| Shifted::new(seen, model.clone(), node, *by)).collect()
         });
         for other in others.iter_mut() {
             other.follow(seen, place, at);
         }
         others
+    }
+
+    /// The replicas that have other figures where the documents give none. They take long, and are
+    /// asked last.
+    fn figured(&mut self, place: usize, at: Instant) -> &mut [Shifted] {
+        let (seen, model, node) = (self.seen, &self.model, self.node);
+        let count = if self.own_time { model.node().other_figures() } else { 0 };
+        let figured = self.figured.get_or_insert_with(|| {
+            let with = |figures| {
+                let mut other = model.clone();
+                other.node_mut().take_figures(figures);
+                Shifted::new(seen, other, node, Shift::NONE)
+            };
+            (0..count).map(with).collect()
+        });
+        let earlier = Instant(self.last_look.0.saturating_sub(self.grace.as_nanos() as u64));
+        for other in figured.iter_mut() {
+            other.follow(seen, place, at);
+            other.lane.forget(earlier);
+        }
+        figured
     }
 }
 

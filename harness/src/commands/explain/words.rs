@@ -8,6 +8,9 @@ use runner::suite::suite_schema;
 
 use super::{Book, Page, full_name};
 
+/// The notation, for people.
+const NOTATION: &str = include_str!("../../../../suites/README.md");
+
 impl Book {
     /// Explains such a word.
     pub(super) fn word(&self, name: &str) -> Option<String> {
@@ -62,7 +65,6 @@ impl Book {
 
 /// What the table of the notation says of a name of the bench: its values, their unit and range.
 fn bench_value(name: &str) -> Option<String> {
-    const NOTATION: &str = include_str!("../../../../suites/README.md");
     let (_, bench) = NOTATION.split_once("\n## The bench\n")?;
     let rows = bench.lines().filter_map(|line| line.strip_prefix("| `"));
     let means = |known: &str| match known.strip_suffix('-') {
@@ -89,6 +91,10 @@ fn step(name: &str) -> Option<String> {
     let variant = variants.iter().find(|variant| !variant["properties"][name].is_null())?;
     let mut page = Page::new(format!("step {name}"));
     page.field("does", &one_line(variant["description"].as_str()?));
+    if let Some((form, says)) = row_of_step(name) {
+        page.field("written", &form.replace('`', ""));
+        page.field("says", &says.replace('`', ""));
+    }
     let target = variant["properties"][name]["$ref"]
         .as_str()
         .or_else(|| variant["properties"][name]["allOf"][0]["$ref"].as_str());
@@ -99,6 +105,14 @@ fn step(name: &str) -> Option<String> {
         page.field(key, &one_line(means));
     }
     Some(page.0)
+}
+
+/// What the table of the notation says of a step: how it is written, and what it does then.
+fn row_of_step(name: &str) -> Option<(&'static str, &'static str)> {
+    let rows = NOTATION.lines().filter_map(|line| line.strip_prefix("| `")?.strip_suffix(" |"));
+    let mut cells = rows.filter_map(|row| row.split_once("` | "));
+    let begins = |form: &str| form.strip_prefix(name).is_some_and(|rest| rest.starts_with(": "));
+    cells.find(|(form, _)| begins(form))
 }
 
 fn one_line(text: &str) -> String {
@@ -115,5 +129,16 @@ mod tests {
             assert!(bench_value(name).is_some(), "{name} has no row in suites/README.md");
         }
         assert!(bench_value("analogue-input-3").unwrap().contains("16 bits"));
+    }
+
+    #[test]
+    fn every_step_says_how_it_is_written() {
+        let schema = suite_schema();
+        let variants = schema["definitions"]["Step"]["oneOf"].as_array().unwrap();
+        let names = variants.iter().flat_map(|it| it["properties"].as_object().unwrap().keys());
+        let without: Vec<&String> = names.filter(|name| row_of_step(name).is_none()).collect();
+        // The first one stands beside `sync`, and the others are of tables and named steps.
+        assert_eq!(without, ["produce", "for", "rows", "steps", "use"]);
+        assert!(row_of_step("measure").unwrap().0.contains("{ frame, count, interval"));
     }
 }

@@ -16,30 +16,38 @@ use deviations::tables;
 /// All decisions of a controller; clauses are those of its manual.
 pub(crate) type Rules = Layers<Decision>;
 
-/// Figures that the manual does not give.
+/// When and how fast a controller works, for which the manual gives no figures.
 pub(crate) struct Figures {
     /// In seconds.
     derivative_filter: f64,
     control_cycle: Duration,
+    samples_at_once: bool,
 }
 
-/// Between these and those of the decisions lies what a controller is expected to have.
-pub(crate) const FIGURES: [Figures; 5] = [
-    Figures { derivative_filter: 0.05, control_cycle: Duration::from_millis(10) },
-    Figures { derivative_filter: 0.2, control_cycle: Duration::from_millis(10) },
-    Figures { derivative_filter: 1.0, control_cycle: Duration::from_millis(10) },
-    Figures { derivative_filter: 0.05, control_cycle: Duration::from_millis(100) },
-    Figures { derivative_filter: 0.2, control_cycle: Duration::from_millis(100) },
-];
-
 impl Figures {
+    const fn new(derivative_filter: f64, millis: u64, samples_at_once: bool) -> Self {
+        let control_cycle = Duration::from_millis(millis);
+        Self { derivative_filter, control_cycle, samples_at_once }
+    }
+
     /// These rules with the figures.
     pub(crate) fn of(&self, rules: Rules) -> Rules {
         let filter = Decision::derivative_filter(Taken::Is(self.derivative_filter));
         let cycle = Decision::control_cycle(Taken::Is(self.control_cycle));
-        rules.under(filter, None).under(cycle, None)
+        let samples = Decision::samples_at_once(Taken::Is(self.samples_at_once));
+        rules.under(filter, None).under(cycle, None).under(samples, None)
     }
 }
+
+/// Between these and those of the decisions lies what a controller is expected to have.
+pub(crate) const FIGURES: [Figures; 6] = [
+    Figures::new(1.0, 100, true),
+    Figures::new(1.0, 100, false),
+    Figures::new(0.05, 10, true),
+    Figures::new(0.2, 10, true),
+    Figures::new(0.05, 100, false),
+    Figures::new(0.2, 100, true),
+];
 
 decisions! {
     /// The decisions. The default methods are a summary of what the manual says.
