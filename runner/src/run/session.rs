@@ -408,10 +408,7 @@ impl Session<'_> {
                 self.hear(link, common, &mut reliance, instance, &mut finished.aftermath, blocks);
             }
             let aftermath = finished.aftermath.clone();
-            if let (Outcome::Undecided(reason), false) = (&mut finished.outcome, turn == Turn::Last)
-            {
-                reason.push_str("; it is to be tried again later in this run");
-            }
+            say_if_again(&mut finished.outcome, turn);
             let outcome = self.report(link, &mut reliance, instance, &started, finished);
             failed += usize::from(matches!(outcome, Outcome::Fail(_)));
             if matches!(outcome, Outcome::Undecided(_)) {
@@ -576,6 +573,13 @@ impl Session<'_> {
 /// The first half of the sentence: the case in which the device was lost has all of it.
 fn shortly(why: &str) -> &str {
     why.split("; ").next().unwrap_or(why)
+}
+
+/// Says of what is undecided that it has another turn: a reader takes an ERROR for the last word.
+fn say_if_again(outcome: &mut Outcome, turn: Turn) {
+    if let (Outcome::Undecided(reason), false) = (outcome, turn == Turn::Last) {
+        reason.push_str("; it is to be tried again later in this run");
+    }
 }
 
 /// Says what happened to the other nodes of the bus since this was last said. It is nobody's
