@@ -32,8 +32,8 @@ pub(super) fn entry(name: &str, catalogue: &Catalogue) -> Option<String> {
     }
 }
 
-/// What a data sheet says of an object, `2001h`, or of one of its entries, `2001:01`, and whether it
-/// is specific to the manufacturer; `None` when it does not have it.
+/// What a data sheet says of an object, `2001h`, or of one of its entries, `2001:01`, and whether
+/// that is specific to the manufacturer; `None` when it does not have it.
 pub(super) fn of_sheet(name: &str, file: &str, eds: &Eds) -> Option<(String, bool)> {
     let mut page = Page::new(format!("object {name} in {file}"));
     let is_specific = |index: u16| (0x2000..0x6000).contains(&index);
