@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use canopen::bench::{self, NAMES};
 use canopen::catalogue::{Profile, Shape};
 use canopen::eds::{CODES, Eds, Entry};
-use canopen::{Abort, Frame, Mux};
+use canopen::{Abort, Mux, Pattern};
 
 use super::bytes::{mapping_word, parse_bytes};
 use super::each::{index_range, matching_entries};
@@ -560,10 +560,7 @@ impl<'c> Checker<'c> {
     fn patterns(&mut self, strict: &At<FrameText>, lenient: &[At<FrameText>]) {
         for text in std::iter::once(strict).chain(lenient) {
             let result = self.scope.pattern(&text.value, self.dut.node);
-            if let Ok(pattern) = &result
-                && let Some(frame) = pattern.frame()
-                && lacks_data(&frame, self.dut.node)
-            {
+            if lacks_data(&text.value.pattern) {
                 let message = "no device sends a frame without data with this identifier: `...` \
                                behind `#` stands for any data";
                 self.complain(text.place, message);
@@ -640,13 +637,12 @@ impl<'c> Checker<'c> {
     }
 }
 
-/// Whether it is a frame without data with an identifier on which a node sends frames with data.
-fn lacks_data(frame: &Frame, node: u8) -> bool {
-    const WITH_DATA: [u16; 7] = [0x080, 0x180, 0x280, 0x380, 0x480, 0x580, 0x700];
-    let is_of_node = frame
-        .data_id()
-        .is_some_and(|id| WITH_DATA.iter().any(|function| function + u16::from(node) == id));
-    is_of_node && frame.data.is_empty()
+/// Whether it is a frame without data of a service of a node that has data. An identifier that is
+/// written in full may be that of SYNC, whatever node has the same number.
+fn lacks_data(pattern: &Pattern) -> bool {
+    const WITH_DATA: [u32; 7] = [0x080, 0x180, 0x280, 0x380, 0x480, 0x580, 0x700];
+    let is_of_node = pattern.function().is_some_and(|function| WITH_DATA.contains(&function));
+    is_of_node && pattern.frame().is_some_and(|frame| !frame.remote && frame.data.is_empty())
 }
 
 /// Why a case about an object does not apply.
