@@ -1,5 +1,7 @@
 //! What is known of a device beside its data sheet: the freedoms that it was seen to use.
 
+use std::cell::Cell;
+
 use canopen::Stamped;
 use canopen::sdo::{RESPONSE_COB_ID, Response};
 use reference_devices::change::Replica;
@@ -24,6 +26,8 @@ pub struct Belief<'b> {
     doubtful: Vec<Log>,
     /// Whether the device has done something wrong, which may have looked like a freedom.
     is_wrong: bool,
+    /// How much a search may still judge, in things that were seen.
+    left: Cell<usize>,
 }
 
 /// What a session says of a device.
@@ -57,6 +61,13 @@ const MOST_COMPANIONS: usize = 4;
 const MOST_DETOURS: usize = 12;
 /// How often a freedom is added or replaced.
 const MOST_STEPS: usize = 48;
+/// How much a search judges, in things that were seen. Where freedoms were found, in hundreds of
+/// devices that use some and in second implementations, a sixth of it was enough. A search that
+/// finds none would go on for many minutes.
+const MOST_JUDGED: usize = 16_000_000;
+/// The same in an exploration, where it takes longer to judge, for each thing that is to be
+/// explained.
+const MOST_JUDGED_FOR_EACH: usize = 400;
 /// How many sessions are kept that changed the belief.
 const MOST_EVIDENCE: usize = 16;
 
@@ -66,7 +77,8 @@ impl<'b> Belief<'b> {
     pub fn new(blueprint: &'b Blueprint, used: Vec<usize>) -> Option<Self> {
         let model = blueprint.build(blueprint.freedoms_at(&used))?;
         let (given, evidence, doubtful) = (used.clone(), Vec::new(), Vec::new());
-        Some(Self { blueprint, given, used, model, evidence, doubtful, is_wrong: false })
+        let (is_wrong, left) = (false, Cell::new(0));
+        Some(Self { blueprint, given, used, model, evidence, doubtful, is_wrong, left })
     }
 
     /// A device that has shown that it uses these freedoms, by their places in the blueprint;
@@ -156,13 +168,18 @@ impl<'b> Belief<'b> {
     }
 
     /// How far a device with these freedoms explains what was seen: which session it does not
-    /// explain, and up to where it does; the number of sessions when it explains all.
+    /// explain, and up to where it does; the number of sessions when it explains all. A search that
+    /// has judged enough gets no further.
     fn reaches(&self, used: &[usize], logs: &[&[Seen]]) -> (usize, usize) {
         let Some(model) = self.blueprint.build(self.blueprint.freedoms_at(used)) else {
             return (0, 0);
         };
         for (number, log) in logs.iter().enumerate() {
+            if self.left.get() == 0 {
+                return (0, 0);
+            }
             let (place, end) = judge(self.blueprint, model.clone(), log);
+            self.judged(place);
             if end.is_some() {
                 return (number, place);
             }
@@ -170,14 +187,21 @@ impl<'b> Belief<'b> {
         (logs.len(), 0)
     }
 
+    fn judged(&self, count: usize) {
+        self.left.set(self.left.get().saturating_sub(count));
+    }
+
     /// Adds freedoms, those first that explain most. Where none helps, one of those before is
     /// replaced by one that explained as much; with `doubts`, those of the base may be left out.
     fn search(&self, base: Vec<usize>, doubts: bool, logs: &[&[Seen]]) -> Option<Vec<usize>> {
+        let is_explored = self.blueprint.surface().is_some();
+        let explained: usize = logs.iter().map(|log| log.len()).sum();
+        self.left.set(if is_explored { explained * MOST_JUDGED_FOR_EACH } else { MOST_JUDGED });
         let reached = self.reaches(&base, logs);
         let doubted = base.iter().filter(|_| doubts).map(|freedom| (*freedom, Vec::new()));
         let mut now = Step { reached, others: doubted.collect(), used: base };
         // The sessions of an exploration are long, and many freedoms make a difference in them.
-        let checks = if self.blueprint.surface().is_some() { 1 } else { MOST_CHECKS };
+        let checks = if is_explored { 1 } else { MOST_CHECKS };
         for _ in 0..MOST_STEPS {
             if now.reached.0 == logs.len() {
                 return Some(now.used);
@@ -296,6 +320,10 @@ impl<'b> Belief<'b> {
     ) -> Option<Step> {
         let (number, place) = now.reached;
         let seen = until(logs[number], place);
+        if self.left.get() == 0 {
+            return None;
+        }
+        self.judged(seen.len());
         let muted = self.blueprint.muted_freedoms(&now.used)?;
         let mut lately = muted.dissenting_lately(self.blueprint, seen, LATELY);
         lately.retain(|freedom| !known.contains(freedom));
@@ -318,6 +346,10 @@ impl<'b> Belief<'b> {
 
     /// The freedoms that would have made a difference to what was seen, or may have.
     fn dissenting(&self, used: &[usize], seen: &[Seen]) -> Vec<usize> {
+        if self.left.get() == 0 {
+            return Vec::new();
+        }
+        self.judged(seen.len());
         let muted = self.blueprint.muted_freedoms(used);
         let mut places = muted.map_or_else(Vec::new, |it| it.dissenting(self.blueprint, seen));
         places.sort_unstable();

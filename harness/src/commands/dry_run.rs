@@ -18,7 +18,7 @@ use super::select::{known_device, select};
 use crate::cli::RunArgs;
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
-use crate::target::{self, Address, Target};
+use crate::target::{self, Address, Selection, Target};
 
 /// Prints what would be done to each device.
 ///
@@ -49,16 +49,23 @@ fn planned(args: &RunArgs, stop: &Stop) -> Result<(Library, Vec<Plan>), Refused>
 
 /// Prints what is meant by one set of arguments.
 fn of_one(args: &RunArgs, library: &Library, plans: &[Plan], stop: &Stop) {
-    let texts: Vec<String> = plans.iter().map(|plan| report(plan, args.verbose)).collect();
-    say(&texts.join("\n"));
+    let real_time = is_in_real_time(&args.selection);
+    let texts = plans.iter().map(|plan| report(plan, real_time, args.verbose));
+    say(&texts.collect::<Vec<_>>().join("\n"));
     // In virtual time a run is over in a moment.
-    if let ([plan], true) = (plans, args.selection.eds.is_some()) {
+    if let ([plan], true) = (plans, real_time) {
         let takes = estimate::of_plan(args, &estimate::earlier(args), library, plan, stop);
         takes.iter().for_each(|(_, said)| say(&format!("\n{said}\n")));
     }
     if args.selection.bench.is_some() && plans.iter().any(|plan| !plan.dut.own_bench) {
         say("the bench is not asked: cases about its names count as skipped\n");
     }
+}
+
+/// Whether the time of the bus would be real.
+fn is_in_real_time(selection: &Selection) -> bool {
+    let is_simulated = |text: &str| matches!(text.parse(), Ok(Address::Simulation { .. }));
+    selection.eds.is_some() && !selection.target.as_deref().is_some_and(is_simulated)
 }
 
 /// The devices, without asking any that is not simulated.
@@ -99,9 +106,13 @@ struct Sum {
 }
 
 impl Sum {
-    fn of(plan: &Plan) -> Self {
+    fn of(plan: &Plan, real_time: bool) -> Self {
         let mut sum = Self::default();
         for instance in &plan.instances {
+            if real_time && instance.is_long() {
+                sum.skipped += 1;
+                continue;
+            }
             let deeds = match instance.skip().is_none() && instance.needs_device() {
                 true => deeds(instance, &plan.dut),
                 false => Vec::new(),
@@ -158,8 +169,8 @@ impl Sum {
     }
 }
 
-fn report(plan: &Plan, verbose: bool) -> String {
-    let (dut, sum) = (&plan.dut, Sum::of(plan));
+fn report(plan: &Plan, real_time: bool, verbose: bool) -> String {
+    let (dut, sum) = (&plan.dut, Sum::of(plan, real_time));
     let mut text = format!(
         "{}, node {}, {}\nnothing is sent: {} would run, {} would be skipped\n",
         dut.name,

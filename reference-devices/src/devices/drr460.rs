@@ -389,6 +389,9 @@ impl Drr460 {
                 if sub == TUNE {
                     self.memory.tune_again();
                 }
+                if !self.rules.same_parameter_changes_nothing(sub) {
+                    self.controller.select_again(sub);
+                }
                 self.configure(od);
             }
             _ => {}

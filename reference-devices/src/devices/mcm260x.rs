@@ -362,6 +362,11 @@ impl Behaviour for Mcm260x {
             (4..=14).for_each(|sub| od.set_int(Mux::new(INTERFACE.index, sub), 0));
         }
         self.mirror(mux, od);
+        if !self.rules.same_sensor_keeps_average() {
+            let of = |place| self.table.address(Item::SensorType, place) == Some(mux);
+            let selected = self.inputs.iter_mut().enumerate().filter(|(place, _)| of(*place));
+            selected.for_each(|(_, input)| input.select_again());
+        }
         self.set_up(od);
         self.load_at_once(mux, od);
         let place = usize::from(mux.sub).wrapping_sub(1);

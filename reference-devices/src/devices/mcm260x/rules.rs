@@ -443,4 +443,9 @@ decisions! {
     fn average_starts_full(&self) -> bool {
         true
     }
+
+    /// A sensor type that is written as it is leaves the average as it is (chapters 6 and 7).
+    fn same_sensor_keeps_average(&self) -> bool {
+        true
+    }
 }

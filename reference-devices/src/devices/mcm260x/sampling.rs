@@ -34,6 +34,11 @@ impl AnalogueInput {
         *self = Self { connected: self.connected, ..Self::default() };
     }
 
+    /// The sensor is selected, even if it is the same one: its average begins anew.
+    pub(super) const fn select_again(&mut self) {
+        self.sensor = None;
+    }
+
     /// Takes the samples that are due, at multiples of the period since power-on. `changed` says
     /// that something may have happened to the signal or to a parameter since the last call.
     pub(super) fn follow(

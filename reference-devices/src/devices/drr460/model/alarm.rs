@@ -2,7 +2,7 @@
 
 use super::cycle::Wanted;
 use super::delay::Delayed;
-use super::parameters::Parameters;
+use super::parameters::{NO_KIND, Parameters};
 use super::rules::Rules;
 use super::state::State;
 
@@ -80,6 +80,11 @@ pub(super) struct Alarm {
 }
 
 impl Alarm {
+    /// The kind is selected, even if it is the same one.
+    pub(super) const fn select_again(&mut self) {
+        self.kind = NO_KIND;
+    }
+
     /// The alarm's demand for its output.
     pub(super) fn step(&mut self, sight: &Sight, settings: &Settings, rules: &Rules) -> Wanted {
         if settings.kind != self.kind {

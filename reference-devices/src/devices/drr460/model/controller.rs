@@ -448,7 +448,9 @@ impl Controller {
         self.output = match step.forced {
             Some(on) => {
                 // It controls anew then, with the parameters that were found.
-                self.pid = Pid::default();
+                if rules.other_control_ends_integral() {
+                    self.pid = Pid::default();
+                }
                 f64::from(u8::from(on))
             }
             None => self.automatic(sight, settings, elapsed, rules),
@@ -470,7 +472,9 @@ impl Controller {
         self.last_real_set_point = sight.set_point;
         let output = match &settings.pid {
             None => {
-                self.pid = Pid::default();
+                if rules.other_control_ends_integral() {
+                    self.pid = Pid::default();
+                }
                 f64::from(u8::from(self.on_off.step(missing, &settings.on_off, rules)))
             }
             Some(pid) => {
@@ -489,6 +493,18 @@ impl Controller {
     /// The command output is reset by hand, as 400Ah asks for (11.3.13).
     pub(crate) const fn reset_command(&mut self) {
         self.on_off.reset();
+    }
+
+    /// What this parameter of 3000h selects begins anew, as if it were selected now.
+    pub(crate) fn select_again(&mut self, sub: u8) {
+        match sub {
+            1 => self.input.select_again(),
+            31 => self.tuning.select_again(),
+            56 => self.alarms[0].select_again(),
+            68 => self.alarms[1].select_again(),
+            80 => self.soft_start.select_again(),
+            _ => {}
+        }
     }
 
     /// The alarms are reset by hand, as 400Bh asks for (11.3.14).

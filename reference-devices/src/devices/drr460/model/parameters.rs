@@ -4,6 +4,9 @@ use canopen::{Dictionary, Mux};
 
 use super::rules::Rules;
 
+/// A kind that no parameter selects.
+pub(super) const NO_KIND: i64 = -1;
+
 /// Reads the parameters by their numbers.
 #[derive(Clone, Copy)]
 pub(crate) struct Parameters<'a> {

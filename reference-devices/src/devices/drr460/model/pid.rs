@@ -117,10 +117,16 @@ impl Pid {
     }
 
     /// How fast the process approaches the set point, through a filter with this time constant in
-    /// seconds.
+    /// seconds; with 0, by the difference of two samples.
     fn approach(&mut self, missing: i64, moved: i64, elapsed: f64, filter: f64) {
         let missing = missing as f64;
         let slow = self.slow.map_or(missing, |slow| slow + moved as f64);
+        if filter == 0.0 {
+            if elapsed > 0.0 {
+                (self.slow, self.rate) = (Some(missing), (slow - missing) / elapsed);
+            }
+            return;
+        }
         let slow = missing + (slow - missing) * (-elapsed / filter).exp();
         let distance = slow - missing;
         let slow = if distance.abs() < NOTICED { missing } else { slow };

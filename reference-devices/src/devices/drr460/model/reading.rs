@@ -149,6 +149,11 @@ impl Input {
         *self = Self { latch, ..Self::default() };
     }
 
+    /// The sensor is selected, even if it is the same one.
+    pub(super) const fn select_again(&mut self) {
+        self.sensor = None;
+    }
+
     /// Whether another sample of the same signal would say the same.
     pub(super) fn is_settled(&self, settings: &Settings, rules: &Rules) -> bool {
         self.filter.is_settled(settings.samples, rules) && rules.samples_at_once()

@@ -18,7 +18,7 @@ pub(crate) type Rules = Layers<Decision>;
 
 /// When and how fast a controller works, for which the manual gives no figures.
 pub(crate) struct Figures {
-    /// In seconds.
+    /// In seconds; 0 without a filter.
     derivative_filter: f64,
     control_cycle: Duration,
     samples_at_once: bool,
@@ -40,7 +40,9 @@ impl Figures {
 }
 
 /// Between these and those of the decisions lies what a controller is expected to have.
-pub(crate) const FIGURES: [Figures; 6] = [
+pub(crate) const FIGURES: [Figures; 8] = [
+    Figures::new(0.0, 100, true),
+    Figures::new(0.0, 100, false),
     Figures::new(1.0, 100, true),
     Figures::new(1.0, 100, false),
     Figures::new(0.05, 10, true),
@@ -370,6 +372,16 @@ decisions! {
 
     /// STOP clears the integral of PID control.
     fn stop_ends_integral(&self) -> bool {
+        true
+    }
+
+    /// PID control begins anew after a tuning and after on/off control.
+    fn other_control_ends_integral(&self) -> bool {
+        true
+    }
+
+    /// A parameter that is written as it is changes nothing (11.3.2).
+    fn same_parameter_changes_nothing(&self, _sub: u8) -> bool {
         true
     }
 

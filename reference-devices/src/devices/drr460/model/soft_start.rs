@@ -1,6 +1,6 @@
 //! The way to the set point after a START (manual, 7.9 and 11.3.2, parameters 80 to 84).
 
-use super::parameters::Parameters;
+use super::parameters::{NO_KIND, Parameters};
 use super::rules::Rules;
 
 /// The settings.
@@ -58,6 +58,11 @@ impl SoftStart {
             _ => Phase::Done,
         };
         Self { phase, kind: settings.kind, since: 0.0, not_moved: 0.0 }
+    }
+
+    /// The kind is selected, even if it is the same one.
+    pub(super) const fn select_again(&mut self) {
+        self.kind = NO_KIND;
     }
 
     /// The set point in force. A soft start that is no longer selected is over.

@@ -1,7 +1,7 @@
 //! Tuning: the controller switches its output on and off at a threshold, and derives the parameters
 //! of PID control from the swing of the process (manual, 7.2 to 7.5 and 11.3.17).
 
-use super::parameters::Parameters;
+use super::parameters::{NO_KIND, Parameters};
 use super::rules::Rules;
 
 /// The settings.
@@ -126,6 +126,11 @@ impl Tuning {
             _ => Status::Off,
         };
         *self = Self { kind: settings.kind, status, ..Self::default() };
+    }
+
+    /// The kind is selected, even if it is the same one.
+    pub(super) const fn select_again(&mut self) {
+        self.kind = NO_KIND;
     }
 
     /// The master has read 400Eh.

@@ -4,10 +4,15 @@ pub(super) mod tables;
 
 use canopen::{Abort, Mux};
 
-use super::Decision;
+use super::{Decision, Rules};
 use crate::devices::drr460::model::switches::Switches;
 use crate::devices::pixsys::led::Pattern;
 use crate::stack::Attachment;
+
+/// A controller that takes these parameters for new ones whenever they are written.
+fn begins_anew(parameters: &'static [u8]) -> impl Fn(&Rules, u8) -> bool {
+    move |rules, sub| !parameters.contains(&sub) && rules.same_parameter_changes_nothing(sub)
+}
 
 deviations! {
     pub(super) DEVIATIONS of Decision;
@@ -27,6 +32,10 @@ deviations! {
     "unlisted-boot-states-refused" =>
         takes_boot_state: |_, state| matches!(state, 0 | 4 | 5 | 127);
     "terminals-compensated-anywhere" => compensated: |_, terminals| terminals;
+    "sensor-selected-again-measures-anew" => same_parameter_changes_nothing: begins_anew(&[1]);
+    "tuning-selected-again-ends" => same_parameter_changes_nothing: begins_anew(&[31]);
+    "alarms-selected-again-begin-anew" => same_parameter_changes_nothing: begins_anew(&[56, 68]);
+    "soft-start-selected-again-ends" => same_parameter_changes_nothing: begins_anew(&[80]);
     "last-value-on-an-error" => shows_end: |_, linear, shorted| !linear && !shorted;
     "smallest-band-without-one" => band_without_one: |_| Some(1.0);
     "contact-closed-from-code-1" => closed: |_, code| code > 0;
