@@ -20,6 +20,7 @@ use crate::device_file::GradeWord;
 use crate::folders::{CatalogueFolder, Folders};
 use crate::plugged::Plugged;
 use crate::target::Selection;
+use crate::version::VERSION;
 
 /// Conformance tests for CANopen devices.
 ///
@@ -27,7 +28,7 @@ use crate::target::Selection;
 /// against the reference devices in this program.
 #[derive(Debug, Parser)]
 // Windows would say `harness.exe` in usages.
-#[command(name = "harness", bin_name = "harness", version)]
+#[command(name = "harness", bin_name = "harness", version = VERSION)]
 #[command(args_conflicts_with_subcommands = true)]
 #[command(after_help = EXIT_CODES)]
 pub struct Cli {

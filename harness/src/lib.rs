@@ -32,5 +32,6 @@ mod signals;
 mod system;
 pub mod target;
 mod undo_log;
+mod version;
 
 use canopen::{nearest, source};

@@ -66,8 +66,8 @@ const MOST_STEPS: usize = 48;
 /// finds none would go on for many minutes.
 const MOST_JUDGED: usize = 16_000_000;
 /// The same in an exploration, where it takes longer to judge, for each thing that is to be
-/// explained.
-const MOST_JUDGED_FOR_EACH: usize = 400;
+/// explained. A fifth was too little for a session of a second controller.
+const MOST_JUDGED_FOR_EACH: usize = 2_000;
 /// How many sessions are kept that changed the belief.
 const MOST_EVIDENCE: usize = 16;
 

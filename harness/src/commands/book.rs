@@ -21,6 +21,7 @@ use crate::exit::{Exit, Refused};
 use crate::reporter::{Output, not_written, say};
 use crate::source::At;
 use crate::target::{self, Selection};
+use crate::version::VERSION;
 
 /// Writes the document, or prints it as Markdown.
 ///
@@ -130,7 +131,7 @@ impl<'l> Book<'l> {
         _ = writeln!(
             text,
             "harness {}: {} from {}, tested by {}.\n\n{INTRODUCTION}",
-            env!("CARGO_PKG_VERSION"),
+            VERSION,
             counted(self.library.register.iter().count(), "requirement"),
             counted(self.documents().len(), "document"),
             counted(count, "case"),

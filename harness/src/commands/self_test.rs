@@ -18,6 +18,7 @@ use crate::exit::{Exit, Refused};
 use crate::folders::Folders;
 use crate::reporter::say;
 use crate::source::Complaint;
+use crate::version::VERSION;
 
 use clock::Clock;
 use findings::Findings;
@@ -28,9 +29,8 @@ use findings::Findings;
 /// When a part cannot be carried out, as when an adapter is not there.
 pub(super) fn run(args: &SelfTestArgs, stop: &Stop) -> Result<Exit, Refused> {
     real::check(args)?;
-    let version = env!("CARGO_PKG_VERSION");
     let (processor, system) = (std::env::consts::ARCH, std::env::consts::OS);
-    say(&format!("harness {version} on {system}, {processor}; seed {}\n\n", args.seed));
+    say(&format!("harness {VERSION} on {system}, {processor}; seed {}\n\n", args.seed));
     let library = of_the_program()?;
     let mut findings = Findings::default();
     let cleans = verdicts::devices(&library, &mut findings)?;

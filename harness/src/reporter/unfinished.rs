@@ -12,11 +12,12 @@ use reports::{
 use crate::bus::unix_time;
 use crate::cli::{GradeName, RunArgs};
 use crate::target::Address;
+use crate::version::VERSION;
 
 /// How a run begins that the arguments ask for.
 pub(crate) fn started(args: &RunArgs, on_real_bus: bool) -> RunStarted {
     RunStarted {
-        harness: env!("CARGO_PKG_VERSION").to_owned(),
+        harness: VERSION.to_owned(),
         target: args.selection.target.clone().unwrap_or_else(|| "sim".to_owned()),
         seed: (args.shuffle || args.seed.is_some()).then(|| args.seed.unwrap_or(1)),
         grade: args.grade.unwrap_or(GradeName::Lenient).into(),

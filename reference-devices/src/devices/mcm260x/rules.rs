@@ -444,6 +444,11 @@ decisions! {
         true
     }
 
+    /// The average of more samples than before begins with those that it had.
+    fn kept_samples(&self, wanted: usize) -> usize {
+        wanted
+    }
+
     /// A sensor type that is written as it is leaves the average as it is (chapters 6 and 7).
     fn same_sensor_keeps_average(&self) -> bool {
         true

@@ -61,11 +61,13 @@ impl AnalogueInput {
         let wanted = wanted(place, parameters);
         while let Some(due) = self.next.filter(|due| *due <= now) {
             self.take(due, sample, place, parameters);
-            self.next = (!self.is_settled(sample, wanted)).then(|| after(due, period));
+            self.next = (!self.is_settled(sample, parameters.rules.kept_samples(wanted)))
+                .then(|| after(due, period));
         }
         if changed {
             // The next sample sees any change.
-            self.next = (!self.is_settled(sample, wanted)).then(|| after(now, period));
+            self.next = (!self.is_settled(sample, parameters.rules.kept_samples(wanted)))
+                .then(|| after(now, period));
             self.show(place, parameters);
         }
     }
@@ -110,11 +112,11 @@ impl AnalogueInput {
         while parameters.rules.average_starts_full() && self.samples.len() < wanted {
             self.samples.push_front(self.samples[0]);
         }
-        while self.samples.len() > wanted {
+        while self.samples.len() > parameters.rules.kept_samples(wanted) {
             self.samples.pop_front();
         }
-        let sum = self.samples.iter().sum();
-        self.measured = parameters.rules.average(sum, self.samples.len());
+        let last = self.samples.iter().rev().take(wanted);
+        self.measured = parameters.rules.average(last.clone().sum(), last.len());
         self.show(place, parameters);
     }
 
@@ -150,14 +152,14 @@ impl AnalogueInput {
     }
 
     /// Whether another sample like this one would change nothing, now and after a step.
-    fn is_settled(&self, sample: Sample, wanted: usize) -> bool {
+    fn is_settled(&self, sample: Sample, kept: usize) -> bool {
         match sample {
             Sample::Off => self.off && self.value == 0,
             Sample::OutOfRange(end) => self.out_of_range && self.value == shown(end),
             Sample::Valid(digits) => {
                 let known = !self.samples.is_empty() && self.discarding.is_none();
                 let known = known && !self.out_of_range && !self.off;
-                let known = known && self.samples.len() >= wanted;
+                let known = known && self.samples.len() >= kept;
                 known && self.samples.iter().all(|sample| *sample == digits)
             }
         }

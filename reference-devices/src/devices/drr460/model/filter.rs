@@ -32,10 +32,11 @@ impl Filter {
         while rules.filter_starts_full() && self.samples.len() < wanted {
             self.samples.push_front(self.samples[0]);
         }
-        while self.samples.len() > wanted {
+        while self.samples.len() > rules.kept_samples(wanted) {
             self.samples.pop_front();
         }
-        self.samples.iter().sum::<f64>() / self.samples.len() as f64
+        let last = self.samples.iter().rev().take(wanted);
+        last.clone().sum::<f64>() / last.len() as f64
     }
 
     /// Follows the samples with a time constant given in periods; 1 does not filter.
@@ -55,7 +56,8 @@ impl Filter {
 
     /// Whether another sample like the last one would change nothing, now and after a step.
     pub(super) fn is_settled(&self, wanted: i64, rules: &Rules) -> bool {
-        let grows = rules.filters_by_mean() && (self.samples.len() as i64) < wanted;
+        let kept = rules.kept_samples(usize::try_from(wanted).unwrap_or(1));
+        let grows = rules.filters_by_mean() && self.samples.len() < kept;
         !grows && self.samples.iter().all(|sample| Some(sample) == self.samples.back())
     }
 }

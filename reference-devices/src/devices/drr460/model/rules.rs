@@ -375,6 +375,11 @@ decisions! {
         true
     }
 
+    /// The mean of more samples than before begins with those that it had.
+    fn kept_samples(&self, wanted: usize) -> usize {
+        wanted
+    }
+
     /// PID control begins anew after a tuning and after on/off control.
     fn other_control_ends_integral(&self) -> bool {
         true

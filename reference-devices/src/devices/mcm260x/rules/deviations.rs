@@ -101,6 +101,7 @@ deviations! {
 deviations! {
     pub(super) DEVIATIONS of Decision;
 
+    "average-has-older-samples" => kept_samples: |_, wanted| wanted.max(50);
     "low-word-with-sign" => joined_words: |_, high, low| (high << 16) + low;
     "first-board-always-known" =>
         board_differs: |_, board, stored| board == Module::Other && board.differs(stored);

@@ -36,6 +36,7 @@ deviations! {
     "tuning-selected-again-ends" => same_parameter_changes_nothing: begins_anew(&[31]);
     "alarms-selected-again-begin-anew" => same_parameter_changes_nothing: begins_anew(&[56, 68]);
     "soft-start-selected-again-ends" => same_parameter_changes_nothing: begins_anew(&[80]);
+    "filter-has-older-samples" => kept_samples: |_, wanted| wanted.max(50);
     "last-value-on-an-error" => shows_end: |_, linear, shorted| !linear && !shorted;
     "smallest-band-without-one" => band_without_one: |_| Some(1.0);
     "contact-closed-from-code-1" => closed: |_, code| code > 0;
