@@ -1,20 +1,27 @@
 #!/usr/bin/env python3
 """A bus without a CAN interface: what one sends, all others get.
 
-    hub.py [--log FILE] HARNESS DEVICE@NODE ...
+    hub.py [--log FILE] [--bench FOLDER] HARNESS DEVICE@NODE ...
 
 HARNESS is the program, and each DEVICE a reference device that `harness serve DEVICE --stdio`
 runs. The master is whoever starts the hub: it writes lines of candump to the standard input of the
 hub, and reads those of all devices from its standard output. The hub ends with its standard input.
 The log has every line with the time at which it came, as `harness decode` and `harness monitor`
-read it.
+read it. In the folder each device has a bench socket with its name, such as `em66@7`. The exit
+code is 1 when a line of the master is no frame, or a device has ended before.
 """
 
 import argparse
+import os
+import re
 import subprocess
 import sys
 import threading
 import time
+
+
+# `123#01FF`, `123#R`, `12345678#`, as candump writes them.
+FRAME = re.compile(r"([0-9A-F]{3}|[0-9A-F]{8})#(R[0-8]?|([0-9A-F]{2}){0,8})", re.IGNORECASE)
 
 
 class Hub:
@@ -35,19 +42,26 @@ class Hub:
                 self.log.flush()
             for name, stream in self.streams.items():
                 if name != sender:
-                    stream.write(stamped)
-                    stream.flush()
+                    try:
+                        stream.write(stamped)
+                        stream.flush()
+                    except BrokenPipeError:
+                        sys.exit(f"hub: {name} has ended")
 
     def listen(self, sender, stream):
         for line in stream:
-            if line.strip():
-                self.hand_on(sender, line)
+            if not line.strip():
+                continue
+            if not FRAME.fullmatch(line.split()[-1]):
+                sys.exit(f"hub: {sender} wrote a line that ends with no frame: {line.strip()}")
+            self.hand_on(sender, line)
 
 
-def partner(program, named):
+def partner(program, named, bench):
     """Starts a device; `em66@7` is an em66 with the node id 7."""
     device, _, node = named.partition("@")
     command = [program, "serve", device, "--stdio"] + (["--node", node] if node else [])
+    command += ["--bench-socket", os.path.join(bench, named)] if bench else []
     pipe = subprocess.PIPE
     return subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, bufsize=1)
 
@@ -55,19 +69,23 @@ def partner(program, named):
 def main():
     arguments = argparse.ArgumentParser(description="A bus without a CAN interface.")
     arguments.add_argument("--log", type=argparse.FileType("w"))
+    arguments.add_argument("--bench", metavar="FOLDER")
     arguments.add_argument("harness")
     arguments.add_argument("devices", nargs="+", metavar="DEVICE@NODE")
     given = arguments.parse_args()
     hub = Hub(given.log)
-    partners = {named: partner(given.harness, named) for named in given.devices}
+    partners = {named: partner(given.harness, named, given.bench) for named in given.devices}
     hub.streams["the master"] = sys.stdout
     hub.streams.update({named: process.stdin for named, process in partners.items()})
     for named, process in partners.items():
         threading.Thread(target=hub.listen, args=(named, process.stdout), daemon=True).start()
     hub.listen("the master", sys.stdin)
-    for process in partners.values():
+    failed = []
+    for named, process in partners.items():
         process.stdin.close()
-        process.wait()
+        if process.wait() != 0:
+            failed.append(f"hub: {named} has ended with exit code {process.returncode}")
+    sys.exit("\n".join(failed) or 0)
 
 
 if __name__ == "__main__":

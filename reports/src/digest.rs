@@ -89,6 +89,7 @@ pub(crate) struct Cause {
     pub(crate) instances: Vec<(String, String)>,
     /// How many are not listed.
     pub(crate) more: usize,
+    milder: Vec<(Verdict, usize)>,
     /// The command that runs the one again that explains the others.
     pub(crate) again: String,
 }
@@ -137,7 +138,11 @@ impl<'r> Digest<'r> {
                 }
                 (true, _) => as_far_as_tested(run, "No requirement is broken"),
                 (false, _) if run.is_green() => "The run is not green".to_owned(),
-                (false, _) => "Not conformant, or not decided".to_owned(),
+                (false, _) => match (counts.of(Verdict::Fail), counts.of(Verdict::Error)) {
+                    (0, 0) => "Not conformant, or not decided".to_owned(),
+                    (0, errors) => format!("Not decided: {} with ERROR", cases(errors)),
+                    (failed, _) => format!("Not conformant: {} with FAIL", cases(failed)),
+                },
             },
             is_green,
             stopped: ended.and_then(|it| it.reason.as_deref()).map(clean),
@@ -371,6 +376,7 @@ impl Cause {
                 .map(|(_, device, case)| (clean(&device.info.device), clean(&case.info.name())))
                 .collect(),
             more: fact.cases.len().saturating_sub(MOST_LISTED),
+            milder: milder(fact),
             again: match device.info.rerun.as_str() {
                 "" => String::new(),
                 rerun => clean(&format!("{rerun} {}", shell_word(&case.info.name()))),
@@ -381,6 +387,28 @@ impl Cause {
     pub(crate) fn total(&self) -> usize {
         self.instances.len() + self.more
     }
+
+    /// How many cases show it; those of a milder verdict are named.
+    pub(crate) fn counted(&self) -> String {
+        let milder = self.milder.iter();
+        let others: usize = milder.clone().map(|(_, count)| *count).sum();
+        let mut text = (self.total() - others).to_string();
+        milder.for_each(|(verdict, count)| text.push_str(&format!(" + {count} {verdict}")));
+        text
+    }
+}
+
+/// How many cases of a fact have a milder verdict than the worst one.
+fn milder(fact: &Fact<'_>) -> Vec<(Verdict, usize)> {
+    let verdicts = || fact.cases.iter().map(|(.., case)| case.verdict());
+    let worst = verdicts().max_by_key(|it| it.weight());
+    let each = Verdict::ALL.into_iter().filter(|it| Some(*it) != worst);
+    let counted = each.map(|it| (it, verdicts().filter(|known| *known == it).count()));
+    counted.filter(|(_, count)| *count > 0).collect()
+}
+
+fn cases(count: usize) -> String {
+    if count == 1 { "1 case".to_owned() } else { format!("{count} cases") }
 }
 
 /// The reasons why cases did not run, the most frequent first.

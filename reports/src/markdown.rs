@@ -114,7 +114,7 @@ fn causes(digest: &Digest<'_>, out: &mut dyn Write) -> io::Result<()> {
 /// A row for each cause, whose last column is told.
 fn rows(causes: &[&Cause], out: &mut dyn Write, last: impl Fn(&Cause) -> String) -> io::Result<()> {
     for cause in causes.iter().take(MOST_CAUSES) {
-        let (verdict, total) = (cause.verdict, cause.total());
+        let (verdict, total) = (cause.verdict, cause.counted());
         let decided = cause.decided.iter().map(|said| format!("\ndecided {said}"));
         let said = cause.said.clone() + &decided.collect::<String>();
         let (service, said) = (escaped(&cause.service), escaped(&said));

@@ -104,6 +104,12 @@ impl<'b> Listener<'b> {
         &self.findings
     }
 
+    /// When the last thing was wrong that is looked at, if so much was that the rest is not.
+    pub fn gave_up(&self) -> Option<Instant> {
+        let full = self.findings.len() == MOST_FINDINGS;
+        self.findings.last().filter(|_| full).map(|(at, _)| *at)
+    }
+
     /// What was heard.
     pub const fn heard(&self) -> Heard {
         self.heard

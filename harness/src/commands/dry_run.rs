@@ -14,6 +14,7 @@ use runner::suite::Library;
 use super::counted::counted;
 use super::estimate;
 use super::planned::plan_beside;
+use super::run::{last_failed, limit};
 use super::select::{known_device, select};
 use crate::cli::RunArgs;
 use crate::exit::{Exit, Refused};
@@ -29,6 +30,16 @@ pub(super) fn run(each: &[RunArgs], stop: &Stop) -> Result<Exit, Refused> {
     let (libraries, mut plans): (Vec<_>, Vec<_>) =
         planned.collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
     select(&mut plans, each.iter().map(|args| &args.selection))?;
+    for (args, plan) in each
+        .iter()
+        .zip(&mut plans)
+        .flat_map(|(args, plans)| plans.iter_mut().map(move |it| (args, it)))
+    {
+        if let Some(failed) = args.last_failed.as_deref().map(last_failed).transpose()? {
+            plan.keep(&failed);
+        }
+        limit(plan, args);
+    }
     for (place, ((args, library), plans)) in each.iter().zip(libraries).zip(plans).enumerate() {
         if place > 0 {
             say("\n");

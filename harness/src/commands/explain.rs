@@ -47,10 +47,15 @@ pub(super) fn run(args: &ExplainArgs) -> Result<Exit, Refused> {
     let mutants = mutants(&own, &library.catalogue)?;
     args.modules.beside(args.eds.as_deref())?;
     let sheet = args.eds.as_deref().map(|path| read_eds(path, &args.modules)).transpose()?;
-    let sheet = sheet.map(|(sheet, eds)| (sheet.source.name.clone(), eds));
+    let of_own = || {
+        let device = reference_device(&own.first()?.path, &library.catalogue).ok()?;
+        Some((device.description.device.clone(), Eds::clone(&device.description.eds)))
+    };
+    let sheet = sheet.map(|(sheet, eds)| (sheet.source.name.clone(), eds)).or_else(of_own);
     let book = Book { mutants, freedoms, personalities, library, options, own, sheet };
     let name = args.name.join(" ");
-    let text = book.explain(name.trim()).ok_or_else(|| book.unknown(&name))?;
+    let name = name.trim().strip_prefix("step ").unwrap_or(name.trim());
+    let text = book.explain(name).ok_or_else(|| book.unknown(name))?;
     say(&text);
     Ok(Exit::Green)
 }
@@ -67,7 +72,7 @@ struct Book {
     personalities: Vec<Personality>,
     /// The user's device, with its variants.
     own: Vec<OwnDevice>,
-    /// The user's data sheet, by its name.
+    /// The data sheet of the user, or of the user's device, by its name.
     sheet: Option<(String, Eds)>,
 }
 
@@ -136,9 +141,9 @@ impl Book {
             full_name(suite, found) == case || *found.value.id.value == *case
         });
         let cases = cases.map(|(suite, case)| self.case(suite, case));
-        // A case may well have the name of a suite, or of the option that it is about.
+        // A case may well have the name of a step, of a suite, or of the option that it is about.
         let suite = self.library.suites.iter().find(|suite| suite.name() == name);
-        let before = suite.map(|suite| suite_text(suite)).into_iter();
+        let before = words::step(name).into_iter().chain(suite.map(|suite| suite_text(suite)));
         let before = before.chain(option(name, &self.library.catalogue));
         let mut texts: Vec<String> = before.chain(cases).collect();
         if !texts.is_empty() {
@@ -306,7 +311,8 @@ impl Book {
         let broken = |case: &Case| case.checks.iter().any(|id| mutant.breaks.contains(&id.value));
         page.list("checked by", self.cases_that(broken));
         for device in devices {
-            page.field("try", &format!("harness --target 'sim:{device}?mutant={}'", mutant.name));
+            let target = format!("'sim:{device}?mutant={}'", mutant.name);
+            page.field("try", &format!("harness --target {target}{}", self.options));
         }
         page.0
     }
@@ -431,6 +437,13 @@ impl Book {
         let mut message =
             format!("there is no case, requirement, mutant, object, finding or code `{name}`");
         message.push_str(&did_you_mean(name, names.iter().map(String::as_str)));
+        let is_object = name.split(':').next().is_some_and(|index| {
+            index.len() == 4 && index.bytes().all(|digit| digit.is_ascii_hexdigit())
+        });
+        message.push_str(match is_object && self.sheet.is_none() {
+            true => "; --eds FILE or --target sim:FOLDER brings the objects of your device",
+            false => "; `harness schema` has the keys of each file, and the guide the patterns",
+        });
         Refused::usage(message)
     }
 }

@@ -155,7 +155,7 @@ impl Prepared {
             devices.iter_mut().for_each(|device| device.plan.keep(failed));
         }
         let kept: usize = devices.iter().map(|device| device.plan.of_device()).sum();
-        limit(&mut devices, run);
+        devices.iter_mut().for_each(|device| limit(&mut device.plan, run));
         if devices.iter().all(|device| device.plan.instances.is_empty()) {
             let left_out = devices.iter().find_map(|device| device.plan.said_left_out());
             let why = left_out.map(|said| format!(": {said}")).unwrap_or_default();
@@ -261,15 +261,13 @@ impl Used {
     }
 }
 
-/// Keeps of the plans the shard, in the order of the run.
-fn limit(devices: &mut [Tested], run: &RunArgs) {
-    for Tested { plan, .. } in devices {
-        if let Some(shard) = run.shard {
-            plan.keep_every(shard.of, shard.place);
-        }
-        if run.shuffle || run.seed.is_some() {
-            fastrand::Rng::with_seed(run.seed.unwrap_or(1)).shuffle(&mut plan.instances);
-        }
+/// Keeps of a plan the shard, in the order of the run.
+pub(super) fn limit(plan: &mut Plan, run: &RunArgs) {
+    if let Some(shard) = run.shard {
+        plan.keep_every(shard.of, shard.place);
+    }
+    if run.shuffle || run.seed.is_some() {
+        fastrand::Rng::with_seed(run.seed.unwrap_or(1)).shuffle(&mut plan.instances);
     }
 }
 
@@ -319,7 +317,7 @@ fn forget<T>(whole: T) {
 }
 
 /// The names of the cases that made the run of a journal red, or were FLAKY in it.
-fn last_failed(path: &Path) -> Result<BTreeSet<String>, Refused> {
+pub(super) fn last_failed(path: &Path) -> Result<BTreeSet<String>, Refused> {
     let name = path.display();
     let run = recorded(path)?;
     if run.ended.is_none() {

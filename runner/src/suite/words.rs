@@ -109,6 +109,14 @@ impl Words {
         Self { folder: Arc::clone(&self.folder), named: differ.collect() }
     }
 
+    /// What a word stands for: an object, objects that are set together, or a frame.
+    pub fn meaning(&self, word: &str) -> Option<String> {
+        let object = || Some(format!("object {}", self.folder.objects.get(word)?));
+        let record = || Some(format!("objects {}", self.folder.records.get(word)?.join(", ")));
+        let frame = || Some(format!("frame {}", self.frame(word)?));
+        object().or_else(record).or_else(frame)
+    }
+
     /// The address of a word.
     ///
     /// # Errors

@@ -1,6 +1,8 @@
 //! What reports and suites say beside names of their own: verdicts, steps, names of the bench, and
 //! the numbers of CiA's conformance test.
 
+use std::collections::BTreeMap;
+
 use canopen::bench::{NAMES, is_known};
 use reports::Verdict;
 use runner::suite::step::Step;
@@ -16,8 +18,26 @@ impl Book {
     pub(super) fn word(&self, name: &str) -> Option<String> {
         verdict(name)
             .or_else(|| self.test_number(name))
-            .or_else(|| step(name))
             .or_else(|| self.of_bench(name))
+            .or_else(|| self.of_suites(name))
+    }
+
+    /// What a word stands for in suites.
+    fn of_suites(&self, name: &str) -> Option<String> {
+        let mut meanings = BTreeMap::<String, Vec<&str>>::new();
+        for suite in &self.library.suites {
+            if let Some(meaning) = suite.words.meaning(name) {
+                meanings.entry(meaning).or_default().push(suite.name());
+            }
+        }
+        let mut page = Page::new(format!("word {name}"));
+        for (meaning, suites) in &meanings {
+            page.field("stands for", meaning);
+            let others = suites.len() - 1;
+            let more = if others > 0 { format!(", and {others} more") } else { String::new() };
+            page.field("in", &format!("{}{more}", suites[0]));
+        }
+        (!meanings.is_empty()).then_some(page.0)
     }
 
     /// The words, for what was meant.
@@ -85,7 +105,7 @@ fn verdict(name: &str) -> Option<String> {
 }
 
 /// A step of the notation, described by the schema of suites.
-fn step(name: &str) -> Option<String> {
+pub(super) fn step(name: &str) -> Option<String> {
     let schema = suite_schema();
     let variants = schema["definitions"]["Step"]["oneOf"].as_array()?;
     let variant = variants.iter().find(|variant| !variant["properties"][name].is_null())?;

@@ -59,6 +59,14 @@ impl<'r> Summary<'r> {
         if let Some(said) = unjudged(judge.unjudged) {
             _ = writeln!(text, "  not judged: what the application decides, in {said}");
         }
+        if judge.listener.gave_up().is_some() {
+            let at = judge.times.last().copied().unwrap_or_default();
+            let count = findings.len();
+            _ = writeln!(
+                text,
+                "  not judged: what followed the {count} things wrong, from {at} s on"
+            );
+        }
         for freedom in judge.listener.campaign().belief().freedoms() {
             let clauses = freedom.clauses.join(", ");
             _ = writeln!(text, "  learnt: {}: {} ({clauses})", freedom.name, freedom.why);
@@ -67,8 +75,11 @@ impl<'r> Summary<'r> {
         for cause in group(judge.listener.campaign(), judge.blueprint, &all) {
             let first = cause.findings.first().copied().unwrap_or_default();
             let (finding, at) = (&all[first], judge.times.get(first).copied().unwrap_or_default());
-            let times = counted(cause.findings.len(), "time");
-            _ = writeln!(self.text, "  FAIL {}, {times}, first at {at} s", finding.violation);
+            _ = write!(self.text, "  FAIL {}, at {at} s", finding.violation);
+            _ = match cause.findings.len() - 1 {
+                0 => writeln!(self.text),
+                others => writeln!(self.text, ", and {} like it", counted(others, "other")),
+            };
             self.requirements(&cause, judge.blueprint);
         }
     }

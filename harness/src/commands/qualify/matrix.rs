@@ -31,6 +31,8 @@ pub(super) struct Matrix {
     /// The allowances of the cases that the clean device uses.
     allowed: BTreeSet<Assertion>,
     rows: Vec<Row>,
+    /// The mutants of a user's device that break nothing of what was read.
+    left_out: Vec<String>,
 }
 
 /// The results of one mutant.
@@ -54,13 +56,18 @@ impl Matrix {
     /// When the data of a mutant do not load.
     pub(super) fn of(cleans: &[Clean], fits: &Fits) -> Result<Vec<Self>, Refused> {
         let proved = |clean: &Clean| mutants_proved_on(&clean.device);
-        let mut work = Vec::new();
+        let (mut work, mut left_out) = (Vec::new(), Vec::new());
         for (place, mut mutants) in parallel::try_map(cleans, proved)?.into_iter().enumerate() {
             let register = &cleans[place].library.register;
+            let is_ours = devices::names().any(|name| name == cleans[place].name());
+            let mut unread = Vec::new();
             mutants.retain(|mutant| {
                 let applies = |id: &String| !register.lacks_document_of(id);
-                mutant.canary || mutant.breaks.iter().any(applies)
+                let applies = mutant.canary || mutant.breaks.iter().any(applies);
+                unread.extend((!applies && !is_ours).then(|| mutant.name.clone()));
+                applies
             });
+            left_out.push(unread);
             work.extend(mutants.into_iter().map(|mutant| (place, mutant)));
         }
         let line = Progress::with_each(work.len(), "mutants");
@@ -70,6 +77,9 @@ impl Matrix {
         let mut matrices: Vec<Self> = cleans.iter().map(Self::without_mutants).collect();
         for ((place, _), row) in work.iter().zip(rows) {
             matrices[*place].rows.push(row);
+        }
+        for (matrix, left_out) in matrices.iter_mut().zip(left_out) {
+            matrix.left_out = left_out;
         }
         for (matrix, clean) in matrices.iter_mut().zip(cleans) {
             // A case that fails on the device without deviation says nothing about a mutant.
@@ -89,7 +99,7 @@ impl Matrix {
         }
         let device = alone.name().to_owned();
         let is_variant = device != alone.device.first;
-        Self { device, is_variant, clean, allowed, rows: Vec::new() }
+        Self { device, is_variant, clean, allowed, rows: Vec::new(), left_out: Vec::new() }
     }
 
     /// Whether suites of that device are proved on this one.
@@ -217,6 +227,14 @@ pub(super) fn holes(library: &Library, matrices: &[Matrix], again: &str) -> Vec<
     let (mut ran, mut proved) = (BTreeSet::new(), BTreeSet::new());
     for matrix in matrices {
         let device = &matrix.device;
+        if let Some(first) = matrix.left_out.first() {
+            holes.push(format!(
+                "{device}: {}, {first} among them, {} requirements of no register that was read: \
+                 --suites FOLDER names one",
+                counted(matrix.left_out.len(), "mutant"),
+                if matrix.left_out.len() == 1 { "breaks" } else { "break" },
+            ));
+        }
         for (case, verdicts) in &matrix.clean {
             for verdict in verdicts.iter().filter(|verdict| **verdict >= Verdict::Fail) {
                 holes

@@ -230,10 +230,12 @@ impl Controller {
         self.output = 0.0;
         self.cooling = 0.0;
         self.tuning.abandon();
-        self.was_broken = measured.sensor_error;
         let Measured { flags, error, .. } = measured;
+        let broken = rules.is_break(measured.sensor_error, error);
+        let breaks = self.breaks(broken, false, settings, rules) && rules.break_is_kept();
         let process = if rules.shows_process(true) { measured.process } else { 0 };
-        let (set_point, manual, offline) = (inputs.set_point, inputs.manual, inputs.offline);
+        let (set_point, offline) = (inputs.set_point, inputs.offline);
+        let manual = inputs.manual || breaks;
         Outcome { process, flags, set_point, manual, error, offline, ..Outcome::default() }
     }
 
@@ -397,11 +399,7 @@ impl Controller {
         rules: &Rules,
     ) -> (Wanted, bool, Option<Found>) {
         let asked = rules.manual(settings.manual, inputs.manual);
-        let is_new = !std::mem::replace(&mut self.was_broken, sight.broken);
-        let breaks = sight.broken
-            && (is_new || rules.lasting_break_counts())
-            && rules.break_leads_to_manual(settings.manual)
-            && inputs.running;
+        let breaks = self.breaks(sight.broken, inputs.running, settings, rules);
         let manual = asked || breaks;
         (self.cooling, self.is_automatic) = (0.0, false);
         let goes_on = asked && rules.manual_goes_on_in_stop();
@@ -415,7 +413,9 @@ impl Controller {
             let fails = sight.error && rules.error_goes_before_stop();
             let stopped = Wanted::State(if fails { settings.error } else { settings.stop });
             let off = if inputs.running { Wanted::Share(0.0) } else { stopped };
-            return (if inputs.test { Wanted::Level(true) } else { off }, asked, None);
+            let shown =
+                asked || breaks && rules.break_is_kept() && rules.break_counts_without_control();
+            return (if inputs.test { Wanted::Level(true) } else { off }, shown, None);
         }
         let (command, found) = if manual {
             self.tuning.abandon();
@@ -434,6 +434,15 @@ impl Controller {
         };
         let shown = asked || breaks && rules.break_is_kept();
         (if inputs.test { Wanted::Level(true) } else { command }, shown, found)
+    }
+
+    /// Whether the sensor breaks and leads to manual mode.
+    fn breaks(&mut self, broken: bool, controls: bool, settings: &Settings, rules: &Rules) -> bool {
+        let is_new = !std::mem::replace(&mut self.was_broken, broken);
+        broken
+            && (is_new || rules.lasting_break_counts())
+            && rules.break_leads_to_manual(settings.manual)
+            && (controls || rules.break_counts_without_control())
     }
 
     /// The command of automatic mode, which a tuning may have.

@@ -334,6 +334,11 @@ decisions! {
         true
     }
 
+    /// In STOP and in expansion mode a broken sensor leads nowhere, since nothing is controlled.
+    fn break_counts_without_control(&self) -> bool {
+        false
+    }
+
     /// The manual mode of a broken sensor lasts until the master ends it (7.6).
     fn break_is_kept(&self) -> bool {
         true
