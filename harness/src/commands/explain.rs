@@ -54,7 +54,7 @@ pub(super) fn run(args: &ExplainArgs) -> Result<Exit, Refused> {
     let sheet = sheet.map(|(sheet, eds)| (sheet.source.name.clone(), eds)).or_else(of_own);
     let book = Book { mutants, freedoms, personalities, library, options, own, sheet };
     let name = args.name.join(" ");
-    let name = name.trim().strip_prefix("step ").unwrap_or(name.trim());
+    let name = name.trim().strip_prefix("step ").unwrap_or_else(|| name.trim());
     let text = book.explain(name).ok_or_else(|| book.unknown(name))?;
     say(&text);
     Ok(Exit::Green)
@@ -436,13 +436,16 @@ impl Book {
         );
         let mut message =
             format!("there is no case, requirement, mutant, object, finding or code `{name}`");
-        message.push_str(&did_you_mean(name, names.iter().map(String::as_str)));
+        let meant = did_you_mean(name, names.iter().map(String::as_str));
         let is_object = name.split(':').next().is_some_and(|index| {
             index.len() == 4 && index.bytes().all(|digit| digit.is_ascii_hexdigit())
         });
         message.push_str(match is_object && self.sheet.is_none() {
             true => "; --eds FILE or --target sim:FOLDER brings the objects of your device",
-            false => "; `harness schema` has the keys of each file, and the guide the patterns",
+            false if meant.is_empty() => {
+                "; `harness schema` has the keys of each file, and the guide the patterns"
+            }
+            false => &meant,
         });
         Refused::usage(message)
     }

@@ -117,6 +117,18 @@ impl Matrix {
         allowed.chain(demanded)
     }
 
+    /// The gap that mutants leave whose requirements were not read.
+    fn unread(&self) -> Option<String> {
+        let first = self.left_out.first()?;
+        let (device, count) = (&self.device, self.left_out.len());
+        let breaks = if count == 1 { "breaks" } else { "break" };
+        Some(format!(
+            "{device}: {}, {first} among them, {breaks} requirements of no register that was read: \
+             --suites FOLDER names one",
+            counted(count, "mutant"),
+        ))
+    }
+
     /// Which mutant is killed by which case.
     pub(super) fn kills(&self) -> impl Iterator<Item = (&str, &str)> {
         self.rows
@@ -227,14 +239,7 @@ pub(super) fn holes(library: &Library, matrices: &[Matrix], again: &str) -> Vec<
     let (mut ran, mut proved) = (BTreeSet::new(), BTreeSet::new());
     for matrix in matrices {
         let device = &matrix.device;
-        if let Some(first) = matrix.left_out.first() {
-            holes.push(format!(
-                "{device}: {}, {first} among them, {} requirements of no register that was read: \
-                 --suites FOLDER names one",
-                counted(matrix.left_out.len(), "mutant"),
-                if matrix.left_out.len() == 1 { "breaks" } else { "break" },
-            ));
-        }
+        holes.extend(matrix.unread());
         for (case, verdicts) in &matrix.clean {
             for verdict in verdicts.iter().filter(|verdict| **verdict >= Verdict::Fail) {
                 holes
