@@ -59,7 +59,7 @@ impl<'r> Summary<'r> {
         if let Some(said) = unjudged(judge.unjudged) {
             _ = writeln!(text, "  not judged: what the application decides, in {said}");
         }
-        if judge.listener.gave_up().is_some() {
+        if judge.listener.gave_up() {
             let at = judge.times.last().copied().unwrap_or_default();
             let count = findings.len();
             _ = writeln!(
