@@ -29,7 +29,9 @@ pub use compose::compose;
 pub(crate) use connection::open_interface;
 pub use connection::{Connection, Target};
 pub(crate) use options::protect;
-pub(crate) use reference::{Named, holds_device, reference_device, with_variants};
+pub(crate) use reference::{
+    Named, holds_device, reference_device, reference_device_at, with_variants,
+};
 pub(crate) use scan::rounds;
 pub use scan::{Found, ROUNDS, scan};
 pub use selection::{DEFAULT_BIT_RATE, Selection};

@@ -124,6 +124,21 @@ fn a_journal_says_what_it_was_made_with_and_what_a_selection_left_out() {
     assert_eq!((part.suites.len(), part.devices.len()), (1, 1));
 }
 
+/// A dry run tells what would run.
+#[test]
+fn a_dry_run_keeps_to_what_failed_last() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |args: &[&str]| {
+        let mut run = harness();
+        run.current_dir(folder.path()).args(["cia301/heartbeat", "cia301/nmt"]).args(args);
+        let output = run.args(["--target", "sim:drr460?mutant=heartbeat-cannot-be-stopped"]);
+        text(&output.output().unwrap().stdout)
+    };
+    run(&["-q", "--journal", "journal"]);
+    let dry = run(&["--dry-run", "--last-failed", "journal"]);
+    assert!(dry.contains("1 case would run, 0 would be skipped"), "{dry}");
+}
+
 /// Several devices of one vendor bear the same product code. Modules of another revision are told
 /// apart by what they have.
 #[test]

@@ -118,4 +118,5 @@ def serve(port, command):
 
 if __name__ == "__main__":
     port, device, *harness = sys.argv[1:]
-    serve(int(port), [*(harness or ["harness"]), "serve", device, "--stdio"])
+    of_bus = ["--bitrate", "500000"]  # as device-under-test.yaml has it
+    serve(int(port), [*(harness or ["harness"]), "serve", device, "--stdio", *of_bus])

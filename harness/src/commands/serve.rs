@@ -19,7 +19,7 @@ use crate::exit::{Exit, Refused};
 use crate::files::words;
 use crate::rig;
 use crate::system::{UnixListener, UnixStream, is_socket};
-use crate::target::{Named, reference_device};
+use crate::target::{DEFAULT_BIT_RATE, Named, reference_device_at};
 
 const NEEDS_NO_CAN: &str = "which needs no CAN";
 /// How long a request of a bench may wait while nothing ends the wait of the bus.
@@ -39,7 +39,8 @@ pub(super) fn run(args: &ServeArgs, stop: &Stop) -> Result<Exit, Refused> {
             "name a CAN interface, such as `--target can0`, or give `--stdio`, {NEEDS_NO_CAN}"
         )));
     }
-    let device = reference_device(&args.device, &*args.catalogue.load()?)?;
+    let bit_rate = bit_rate(args)?;
+    let device = reference_device_at(bit_rate, &args.device, &*args.catalogue.load()?)?;
     let node = args.node.unwrap_or_else(|| device.description.default_node);
     let named = args.mutant.clone().map(Named::Mutant);
     let named = named.or_else(|| args.freedom.clone().map(Named::Freedom));
@@ -85,6 +86,21 @@ pub(super) fn run(args: &ServeArgs, stop: &Stop) -> Result<Exit, Refused> {
             // The program that asked may have gone.
             _ = request.answer.send(answer);
         }
+    }
+}
+
+/// The bit rate of the bus in bit/s: that of the interface, if it has one. The device is silent after
+/// LSS has told it another one.
+fn bit_rate(args: &ServeArgs) -> Result<u32, Refused> {
+    let usual = args.bitrate.unwrap_or(DEFAULT_BIT_RATE);
+    let Some(Ok(interface)) = args.target.as_deref().map(str::parse::<Interface>) else {
+        return Ok(usual);
+    };
+    match (args.bitrate, interface.bit_rate(usual)) {
+        (Some(said), Some(has)) if said != has => {
+            Err(Refused::usage(format!("`{interface}` has {has} bit/s, and --bitrate is {said}")))
+        }
+        (_, has) => Ok(has.unwrap_or(usual)),
     }
 }
 

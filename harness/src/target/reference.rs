@@ -29,6 +29,20 @@ pub(crate) fn reference_device(
     }
 }
 
+/// The same on a bus of a bit rate in bit/s.
+///
+/// # Errors
+/// The same.
+pub(crate) fn reference_device_at(
+    bit_rate: u32,
+    name: &str,
+    catalogue: &Catalogue,
+) -> Result<Arc<ReferenceDevice>, Refused> {
+    let mut device = reference_device(name, catalogue)?;
+    Arc::make_mut(&mut device).description.settings.bit_rate = bit_rate;
+    Ok(device)
+}
+
 /// The arguments of `reference_device` for a device and each of its variants; for a variant, only
 /// its own name or path.
 ///

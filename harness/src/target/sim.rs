@@ -15,7 +15,7 @@ use super::can::no_load;
 use super::connection::{Connection, Target};
 use super::lengths::value_lengths;
 use super::options::{rig, without};
-use super::reference::{Named, reference_device};
+use super::reference::{Named, reference_device_at};
 use super::scan::{Found, ROUNDS, scan};
 use super::sheet::{own_sheet, read_eds};
 use super::{DEFAULT_BIT_RATE, Selection};
@@ -35,8 +35,7 @@ pub(super) fn target(
         return Err(no_load("a simulated device"));
     }
     let bit_rate = selection.bitrate.unwrap_or(DEFAULT_BIT_RATE);
-    let mut device = reference_device(name, catalogue)?;
-    Arc::make_mut(&mut device).description.settings.bit_rate = bit_rate;
+    let device = reference_device_at(bit_rate, name, catalogue)?;
     let deviation = deviation.map(|named| named.find(&device)).transpose()?.map(Box::new);
     // The harness knows a reference device as it knows any: by its data sheet.
     let (sheet, eds) = match &selection.eds {

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::thread;
 use std::time::Duration;
 
+use canopen::catalogue::Catalogue;
 use canopen::{BusError, Instant, serve};
 use reference_devices::devices;
 use reference_devices::rules::Rules;
@@ -85,7 +86,8 @@ fn interface(name: &str) -> Result<Interface, Refused> {
 
 /// Is the device on an interface until nobody wants it any more.
 fn serve_until(interface: &Interface, over: &Stop) -> Result<(), Refused> {
-    let device = target::reference_device(DEVICE, canopen::catalogue::Catalogue::built_in())?;
+    let bit_rate = interface.bit_rate(DEFAULT_BIT_RATE).unwrap_or(DEFAULT_BIT_RATE);
+    let device = target::reference_device_at(bit_rate, DEVICE, Catalogue::built_in())?;
     let mut served = device.node(device.description.default_node, Rules::default());
     let mut bus = open_interface(interface, over)?;
     while !over.asked() {
