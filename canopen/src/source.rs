@@ -33,24 +33,28 @@ pub struct Source {
     pub name: String,
     /// The whole text; that of a file in this program is not copied.
     pub text: Cow<'static, str>,
+    /// Where its lines begin: a failure shows some twenty lines, and a data sheet can have 100 000.
+    starts: OnceLock<Box<[u32]>>,
 }
 
 impl Source {
+    /// A text with its name.
+    pub fn new(name: impl Into<String>, text: impl Into<Cow<'static, str>>) -> Self {
+        Self { name: name.into(), text: text.into(), starts: OnceLock::new() }
+    }
+
     /// The text of a line, counted from 1; empty when there is none.
     pub fn line(&self, line: usize) -> &str {
-        // YAML takes a lone CR for the end of a line, too.
-        let end = |text: &str| memchr::memchr2(b'\r', b'\n', text.as_bytes());
-        let mut rest = &*self.text;
-        for _ in 1..line {
-            let Some(end) = end(rest) else { return "" };
-            let two = rest[end..].starts_with("\r\n");
-            rest = &rest[end + 1 + usize::from(two)..];
-        }
-        end(rest).map_or(rest, |end| &rest[..end])
+        let starts = self.starts.get_or_init(|| {
+            let starts = lines::starts_in_yaml(&self.text).map(|start| start as u32);
+            std::iter::once(0).chain(starts).collect()
+        });
+        let start = |line: usize| starts.get(line).map(|start| *start as usize);
+        let Some(from) = start(line.saturating_sub(1)) else { return "" };
+        let to = start(line.max(1)).unwrap_or(self.text.len());
+        self.text[from..to].trim_end_matches(['\r', '\n'])
     }
-}
 
-impl Source {
     /// Whether a text stands at that place, with or without a quote.
     pub fn has(&self, place: Place, text: &str) -> bool {
         let line = self.line(place.line);
@@ -79,8 +83,8 @@ pub fn replace_built_in(texts: BTreeMap<String, String>) {
 /// A file in this program, or the one that took its place.
 pub fn built_in(name: &str, text: &'static str) -> Arc<Source> {
     let instead = INSTEAD.get().and_then(|texts| texts.get(name));
-    let text = instead.map_or(text, String::as_str).into();
-    Arc::new(Source { name: name.to_owned(), text })
+    let text = instead.map_or(text, String::as_str);
+    Arc::new(Source::new(name, text))
 }
 
 /// A place in a file: line and column, counted from 1.
@@ -387,7 +391,7 @@ mod tests {
     #[test]
     fn what_is_too_much_for_the_library_is_said_in_our_words() {
         let read = |text: String| {
-            let source = Arc::new(Source { name: "much".to_owned(), text: text.into() });
+            let source = Arc::new(Source::new("much", text));
             read_yaml::<Outline>(&source).err().map(|complaint| complaint.message)
         };
         let deep = format!("a: {}{}", "[".repeat(5000), "]".repeat(5000));
@@ -404,7 +408,7 @@ mod tests {
     #[test]
     fn of_a_long_line_the_part_around_the_mistake_is_shown() {
         let line = format!("{}x{}", "a".repeat(100_000), "b".repeat(100_000));
-        let source = Arc::new(Source { name: "long".to_owned(), text: line.into() });
+        let source = Arc::new(Source::new("long", line));
         for column in [1, 60, 100_001, 200_001, 4_000_000] {
             let said = Complaint::at(&source, Place::new(1, column), "wrong").to_string();
             let lines: Vec<&str> = said.lines().collect();
@@ -419,7 +423,7 @@ mod tests {
 
     #[test]
     fn lines_end_in_three_ways() {
-        let source = Source { name: String::new(), text: "a\nb\r\n\rd\n".into() };
+        let source = Source::new(String::new(), "a\nb\r\n\rd\n");
         let lines: Vec<&str> = (0..=6).map(|line| source.line(line)).collect();
         assert_eq!(lines, ["a", "a", "b", "", "d", "", ""]);
     }

@@ -129,9 +129,9 @@ pub(crate) fn read_text(path: &Path) -> io::Result<String> {
 pub(crate) fn read_source(path: &Path) -> Result<Arc<Source>, Complaint> {
     let name = shown(path);
     match read_text(path) {
-        Ok(text) => Ok(Arc::new(Source { name, text: text.into() })),
+        Ok(text) => Ok(Arc::new(Source::new(name, text))),
         Err(error) => {
-            let source = Arc::new(Source { name, text: "".into() });
+            let source = Arc::new(Source::new(name, ""));
             Err(Complaint { source, place: None, message: words(&error) })
         }
     }
@@ -143,7 +143,7 @@ pub(crate) fn read_source(path: &Path) -> Result<Arc<Source>, Complaint> {
 /// What cannot be read.
 pub(crate) fn read_folder(folder: &Path, sources: &mut Vec<Source>) -> Result<(), Complaint> {
     let complain = |path: &Path, error: io::Error| {
-        let source = Source { name: shown(path), text: "".into() };
+        let source = Source::new(shown(path), "");
         Complaint { source: Arc::new(source), place: None, message: words(&error) }
     };
     for entry in fs::read_dir(folder).map_err(|error| complain(folder, error))? {
@@ -152,7 +152,7 @@ pub(crate) fn read_folder(folder: &Path, sources: &mut Vec<Source>) -> Result<()
             read_folder(&path, sources)?;
         } else if path.extension().is_some_and(|extension| extension == "yaml") {
             let text = read_text(&path).map_err(|error| complain(&path, error))?;
-            sources.push(Source { name: shown(&path), text: text.into() });
+            sources.push(Source::new(shown(&path), text));
         }
     }
     Ok(())
@@ -166,7 +166,7 @@ pub(crate) fn texts_in(folder: &Path, root: &Path) -> Result<BTreeMap<String, St
     let mut sources = Vec::new();
     read_folder(folder, &mut sources)?;
     let root = shown(root);
-    let texts = sources.into_iter().map(|Source { name, text }| {
+    let texts = sources.into_iter().map(|Source { name, text, .. }| {
         let name = name.strip_prefix(&root).unwrap_or(&name).trim_start_matches('/').to_owned();
         (name, text.into_owned())
     });

@@ -132,7 +132,7 @@ fn a_dry_run_keeps_to_what_failed_last() {
         let mut run = harness();
         run.current_dir(folder.path()).args(["cia301/heartbeat", "cia301/nmt"]).args(args);
         let output = run.args(["--target", "sim:drr460?mutant=heartbeat-cannot-be-stopped"]);
-        text(&output.output().unwrap().stdout)
+        text(&output.output().unwrap().stdout).to_owned()
     };
     run(&["-q", "--journal", "journal"]);
     let dry = run(&["--dry-run", "--last-failed", "journal"]);

@@ -102,7 +102,7 @@ impl Deviation {
 
     /// Keeps the decisions and frames of the deviation, muted: the device behaves as without it,
     /// and notes where it would make a difference. The second value is whether the deviation has no
-    /// other parts.
+    /// other parts, and none that counts frames: those come elsewhere when a case runs alone.
     pub fn muted(mut self, dissent: &Dissent) -> (Self, bool) {
         let all = self.parts.len();
         self.parts.retain(|part| {
@@ -112,7 +112,8 @@ impl Deviation {
             )
         });
         self.parts.iter_mut().for_each(|part| part.muted = Some(dissent.clone()));
-        let is_all = self.parts.len() == all;
+        let counts = |part: &Part| matches!(&part.change, Change::Frame(change) if change.counts());
+        let is_all = self.parts.len() == all && !self.parts.iter().any(counts);
         (self, is_all)
     }
 

@@ -460,7 +460,7 @@ mod tests {
     }
 
     fn source(name: &str, text: &str) -> Arc<Source> {
-        Arc::new(Source { name: name.to_owned(), text: text.to_owned().into() })
+        Arc::new(Source::new(name, text.to_owned()))
     }
 
     /// A `device.yaml` with these objects.

@@ -181,7 +181,7 @@ fn files(device: &str, variant: &str, mutants: &str) -> DeviceFiles {
 }
 
 fn source(name: &str, text: &str) -> Arc<Source> {
-    Arc::new(Source { name: name.to_owned(), text: text.to_owned().into() })
+    Arc::new(Source::new(name, text.to_owned()))
 }
 
 /// The block of the README whose first line names a file that ends so.

@@ -552,7 +552,7 @@ mod tests {
     fn what_is_undecided_leaves_a_waiver_as_it_is() {
         let waivers =
             r#"[{ "cases": "any/case-*", "cause": { "text": "*" }, "reason": "Known." }]"#;
-        let source = Source { name: "waivers.yaml".to_owned(), text: waivers.to_owned().into() };
+        let source = Source::new("waivers.yaml", waivers.to_owned());
         let read = Waivers::read(Arc::new(source), "2026-01-31", &Register::default());
         let waivers = read.expect("it is right");
         let names = ["any/case-1".to_owned(), "any/case-2".to_owned()];

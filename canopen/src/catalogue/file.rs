@@ -311,8 +311,7 @@ mod tests {
     fn files_override_what_is_known_and_add_to_it() {
         let base = Catalogue::built_in();
         let amended = |texts: &[&str]| {
-            let source =
-                |text: &&str| Source { name: "x.yaml".into(), text: (*text).to_owned().into() };
+            let source = |text: &&str| Source::new("x.yaml", (*text).to_owned());
             base.amended(&texts.iter().map(|text| Arc::new(source(text))).collect::<Vec<_>>())
         };
         let catalogue = amended(&[
@@ -354,7 +353,7 @@ mod tests {
 
     fn complaint(rest: &str) -> String {
         let text = format!("profile: x\n{rest}\n");
-        let source = Arc::new(Source { name: "x.yaml".into(), text: text.into() });
+        let source = Arc::new(Source::new("x.yaml", text));
         let complaints = Catalogue::read(&[source]).unwrap_err();
         let complaint = complaints.first().unwrap();
         let at =

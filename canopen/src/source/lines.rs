@@ -25,10 +25,7 @@ impl<'t> Lines<'t> {
 
     /// The lines of YAML, which a lone CR ends, too.
     pub(super) fn of_yaml(text: &'t str) -> Self {
-        let bytes = text.as_bytes();
-        let ends = memchr::memchr2_iter(b'\r', b'\n', bytes);
-        let ends = ends.filter(|end| bytes[*end] == b'\n' || bytes.get(end + 1) != Some(&b'\n'));
-        Self::starting(text, ends.map(|end| end + 1))
+        Self::starting(text, starts_in_yaml(text))
     }
 
     /// The lines of a text, of which those after the first start there.
@@ -89,6 +86,14 @@ impl<'t> Lines<'t> {
         });
         found.map_or(self.text.len(), |found| block * BLOCK + found)
     }
+}
+
+/// Where the lines of YAML after the first begin.
+pub(super) fn starts_in_yaml(text: &str) -> impl Iterator<Item = usize> {
+    let bytes = text.as_bytes();
+    let ends = memchr::memchr2_iter(b'\r', b'\n', bytes);
+    let ends = ends.filter(|end| bytes[*end] == b'\n' || bytes.get(end + 1) != Some(&b'\n'));
+    ends.map(|end| end + 1)
 }
 
 /// How many characters begin in these bytes.

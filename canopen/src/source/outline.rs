@@ -106,7 +106,7 @@ mod tests {
     fn keys_and_values_have_places() {
         let text = "objects:\n  \"1017\": { value: 7 }\n  \"1018\":\n    subs: { 1: { low: 2 } }\n\
                     list: [a, { b: c, on: d }]\n";
-        let source = Source { name: "x".into(), text: text.into() };
+        let source = Source::new("x", text);
         let outline = Outline::of(&source).unwrap();
         let at = |place: Option<Place>| place.map(|place| (place.line, place.column));
         assert_eq!(at(outline.key(&["objects", "1017"])), Some((2, 3)));
@@ -124,7 +124,7 @@ mod tests {
     #[test]
     fn what_stands_there_fits_in_one_line() {
         let text = "change:\n  frame:\n    when: \"580+n#...\"\n    skip: 1\n  list: [1, on, ~]\n";
-        let source = Arc::new(Source { name: "x".into(), text: text.into() });
+        let source = Arc::new(Source::new("x", text));
         let outline = Outline::from(Tree::of(&source).unwrap());
         let line = "frame: { when: \"580+n#...\", skip: 1 }, list: [1, on, ~]";
         assert_eq!(outline.in_one_line(&["change"]), line);
@@ -135,7 +135,7 @@ mod tests {
     #[test]
     fn what_is_no_yaml_has_no_outline() {
         for text in ["a: [", "a: b: c", "\t", "{{}: 1}"] {
-            let source = Source { name: "x".into(), text: text.into() };
+            let source = Source::new("x", text);
             _ = Outline::of(&source).map(|outline| outline.nearest(&["a"]));
         }
     }

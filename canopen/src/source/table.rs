@@ -220,7 +220,7 @@ mod tests {
     use crate::source::Source;
 
     fn read(text: &str) -> (Option<Table>, Vec<(Place, String)>) {
-        let source = Arc::new(Source { name: "x".to_owned(), text: text.to_owned().into() });
+        let source = Arc::new(Source::new("x", text.to_owned()));
         let tree = Tree::of(&source).unwrap();
         let content = tree.get("content").unwrap().clone();
         let mut wrong = Vec::new();
@@ -232,7 +232,7 @@ mod tests {
     #[test]
     fn rows_give_values_to_columns() {
         let text = "content: { $a: x-$b, $c: $b }\nfor: [a, b, c]\nrows:\n- [k, 0x07, [l]]\n";
-        let source = Arc::new(Source { name: "x".to_owned(), text: text.to_owned().into() });
+        let source = Arc::new(Source::new("x", text.to_owned()));
         let tree = Tree::of(&source).unwrap();
         let (table, wrong) = read(text);
         assert_eq!(wrong, []);

@@ -25,7 +25,7 @@ pub(crate) static LIBRARY: LazyLock<Library> =
     LazyLock::new(|| Library::built_in().expect("they are part of the program"));
 
 pub(crate) fn source(name: &str, text: &str) -> Arc<Source> {
-    Arc::new(Source { name: name.to_owned(), text: text.to_owned().into() })
+    Arc::new(Source::new(name, text.to_owned()))
 }
 
 /// Makes every report of a run. What is XML is read as XML.

@@ -135,7 +135,7 @@ fn up_to_date(names: &[String], catalogue: &Catalogue) -> Result<(), Refused> {
         let device = target::reference_device(name, catalogue)?;
         for (path, text) in device.generated_files() {
             if fs::read(&path).is_ok_and(|written| written != text.as_bytes()) {
-                let source = Arc::new(Source { name: path, text: "".into() });
+                let source = Arc::new(Source::new(path, ""));
                 let message = format!(
                     "this is not what the description says any more: `harness eds write {name}` \
                      writes it anew"

@@ -120,14 +120,14 @@ fn parts(path: &Path) -> (PathBuf, Option<String>) {
 /// A text file; `None` when there is none.
 fn read(path: &Path) -> Result<Option<Arc<Source>>, Complaint> {
     match read_text(path) {
-        Ok(text) => Ok(Some(Arc::new(Source { name: shown(path), text: text.into() }))),
+        Ok(text) => Ok(Some(Arc::new(Source::new(shown(path), text)))),
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
         Err(error) => Err(missing(path, &words(&error))),
     }
 }
 
 fn missing(path: &Path, message: &str) -> Complaint {
-    let source = Arc::new(Source { name: shown(path), text: "".into() });
+    let source = Arc::new(Source::new(shown(path), ""));
     Complaint { source, place: None, message: message.to_owned() }
 }
 

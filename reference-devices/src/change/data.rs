@@ -162,6 +162,13 @@ pub(crate) struct FrameChange {
     pub most: Option<u32>,
 }
 
+impl FrameChange {
+    /// Whether it depends on how many frames there were before.
+    pub(super) const fn counts(&self) -> bool {
+        self.skip > 0 || self.most.is_some()
+    }
+}
+
 /// Devices and variants, by their names.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(transparent)]

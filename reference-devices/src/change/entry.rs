@@ -348,7 +348,7 @@ mod tests {
     };
 
     fn read(text: &str) -> Result<Tree, Vec<Complaint>> {
-        in_full(&Arc::new(Source { name: "x".to_owned(), text: text.to_owned().into() }), &FORM)
+        in_full(&Arc::new(Source::new("x", text.to_owned())), &FORM)
     }
 
     /// Keys and values in one line each, to compare.

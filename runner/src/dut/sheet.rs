@@ -53,7 +53,7 @@ impl Sheet {
         connected: Option<&[u16]>,
     ) -> (Self, Eds) {
         let reading = eds::read_with_modules(bytes, connected);
-        let source = Source { name: name.into(), text: eds::decode(bytes).into_owned().into() };
+        let source = Source::new(name, eds::decode(bytes).into_owned());
         let diagnostics = reading.diagnostics;
         let composed = source.line(1).trim_start_matches([';', ' ']) == COMPOSED;
         let sha256 = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();

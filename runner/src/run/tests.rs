@@ -198,9 +198,7 @@ interpretations:
   - { id: M-1, clause: '1', conflict: Any., decision: Any., reason: Any., relaxes: [ANY-01] }
 ";
     let suite = "suite: any\ncases:\n  - { id: a, title: Any., checks: [ANY-01], steps: [] }\n";
-    let source = |name: &str, text: &str| {
-        Arc::new(Source { name: name.to_owned(), text: text.to_owned().into() })
-    };
+    let source = |name: &str, text: &str| Arc::new(Source::new(name, text.to_owned()));
     let eds = eds::read(devices::device("drr460").unwrap().eds_text().as_bytes()).eds;
     let alike = BTreeMap::from([("drr460", &eds)]);
     let shared = MANUAL.replace("device: drr460", "devices: [em66, drr460]");
@@ -286,9 +284,7 @@ fn run_library(bus: &mut Odd, dut: &Dut, library: &Library, stop: &Stop, undo: &
 
 /// A suite of this text, with the register.
 fn library(text: &str) -> Library {
-    let source = |name: &str, text: &str| {
-        Arc::new(Source { name: name.to_owned(), text: text.to_owned().into() })
-    };
+    let source = |name: &str, text: &str| Arc::new(Source::new(name, text.to_owned()));
     let sources =
         [source("suites/requirements/any.yaml", REGISTER), source("suites/any.yaml", text)];
     Library::from_sources(&sources, Catalogue::built_in()).unwrap()

@@ -51,7 +51,7 @@ fn read(folder: &Dir<'static>, sources: &mut Vec<Source>) {
             (file.path().extension().and_then(|extension| extension.to_str()), file.contents_utf8())
         {
             let name = format!("suites/{}", shown(file.path()));
-            sources.push(Source { name, text: text.into() });
+            sources.push(Source::new(name, text));
         }
     }
     folder.dirs().for_each(|below| read(below, sources));

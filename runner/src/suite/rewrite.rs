@@ -125,8 +125,7 @@ fn rewrite(
     let found = Finder { text: &text, words: &shared.words, edits: Vec::new() }.edits(&tree);
     let before = expand(source, tree, shared)?;
     let means_the_same = |edits: &[Edit]| {
-        let edited =
-            Arc::new(Source { name: source.name.clone(), text: text.edited(edits).into() });
+        let edited = Arc::new(Source::new(source.name.clone(), text.edited(edits)));
         let tree = Tree::of(&edited).ok();
         let after = tree.and_then(|tree| expand(&edited, tree, shared).ok());
         after.is_some_and(|after| after.used == before.used && same(&after.tree, &before.tree))

@@ -116,9 +116,8 @@ impl Files {
     }
 
     fn sources(&self) -> impl Iterator<Item = Arc<Source>> {
-        let source = |(path, text): &(PathBuf, String)| {
-            Arc::new(Source { name: shown(path), text: text.clone().into() })
-        };
+        let source =
+            |(path, text): &(PathBuf, String)| Arc::new(Source::new(shown(path), text.clone()));
         [&self.suite, &self.register].into_iter().map(source)
     }
 

@@ -54,6 +54,9 @@ struct Tried {
     affected: BTreeSet<String>,
     /// Whether it changed a frame, or when one came, or the data sheet, which cases read as well.
     noticed: bool,
+    /// Whether it is known where it makes a difference. Then it may be seen by no case: the cases
+    /// leave open what the document leaves open.
+    is_known: bool,
     /// The allowances of the cases that were used.
     allowed: BTreeSet<Assertion>,
 }
@@ -211,10 +214,14 @@ impl<'c, 'l> Freedoms<'c, 'l> {
             return;
         }
         let red = |tried: &[Tried]| tried.iter().filter(|tried| !tried.red.is_empty()).count();
+        let unseen = match self.single.iter().filter(|tried| !tried.noticed).count() {
+            0 => String::new(),
+            unseen => format!(" ({unseen} seen by no case)"),
+        };
         // Writing to a string cannot fail.
         _ = writeln!(
             text,
-            "{}: {} freedoms, {} personalities and {} mixtures, {} of them red",
+            "{}: {} freedoms{unseen}, {} personalities and {} mixtures, {} of them red",
             self.compared.clean.name(),
             self.single.len(),
             self.personalities.len(),
@@ -244,7 +251,7 @@ impl<'c, 'l> Freedoms<'c, 'l> {
                 format!("{device} with {}: {instance} is {verdict}: {problem}", tried.query)
             })
         });
-        let vain = self.single.iter().filter(|tried| !tried.noticed);
+        let vain = self.single.iter().filter(|tried| !tried.noticed && !tried.is_known);
         let vain =
             vain.map(move |tried| format!("{device} with {}: no frame changes", tried.query));
         unjust.chain(vain)
@@ -303,10 +310,11 @@ impl Compared<'_, '_> {
             if let Some(reached) = reach.instances.as_ref().filter(|_| !tried.noticed) {
                 tried = alone(&Wanted::Instances(&self.clean.plan.with_proofs(reached)))?;
             }
-            if !tried.noticed {
+            if !tried.noticed && reach.instances.is_none() {
                 // A freedom that only shifts frames is noticed in a whole run.
                 tried = self.everywhere(&freedom.deviation())?;
             }
+            tried.is_known = reach.instances.is_some();
             known.extend(tried.red.iter().map(|(instance, ..)| instance.clone()));
             single.push(tried);
         }
@@ -341,7 +349,7 @@ impl Compared<'_, '_> {
         let noticed = deviation.falsifies_data_sheet();
         let ran = self.clean.deviating(deviation, wanted)?;
         let (red, affected, allowed) = Default::default();
-        let mut tried = Tried { query, red, affected, noticed, allowed };
+        let mut tried = Tried { query, red, affected, noticed, is_known: false, allowed };
         let mut went = Went::default();
         for trial in ran.trials {
             tried.allowed.extend(Assertion::used_by(&trial.case, &trial.shown));

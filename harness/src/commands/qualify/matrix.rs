@@ -228,9 +228,8 @@ pub(super) fn is_tried_on(mutant: &Mutant, case: &Case) -> bool {
 }
 
 /// The requirements that the mutant breaks and the case checks.
-fn broken<'m>(mutant: &'m Mutant, case: &Case) -> impl Iterator<Item = &'m String> {
-    let checks: BTreeSet<&String> = case.checks.iter().map(|id| &id.value).collect();
-    mutant.breaks.iter().filter(move |id| checks.contains(id))
+fn broken<'m>(mutant: &'m Mutant, case: &'m Case) -> impl Iterator<Item = &'m String> {
+    mutant.breaks.iter().filter(|id| case.checks.iter().any(|check| check.value == **id))
 }
 
 /// The gaps that the matrices leave; `again` is the command that explains a mutant.

@@ -45,7 +45,7 @@ pub(super) fn prune(path: &Path, runs: Vec<Run>, today: &str) -> Result<Exit, Re
     if !dropped.is_empty() {
         let pruned = without(&source.text, &lines, &dropped);
         let checked = pruned.filter(|pruned| {
-            let source = Source { name: source.name.clone(), text: pruned.clone().into() };
+            let source = Source::new(source.name.clone(), pruned.clone());
             let read = Waivers::read(source.into(), today, &register);
             read.is_ok_and(|read| read.needs(&[]).len() == lines.len() - dropped.len())
         });

@@ -377,7 +377,7 @@ mod tests {
     #[test]
     fn a_row_is_marked_to_its_end() {
         let text = "rows: [[1, { a: [2] }], [3, 4]] # and more";
-        let source = Source { name: "suites/demo.yaml".into(), text: text.into() };
+        let source = Source::new("suites/demo.yaml", text);
         let marked = |column| excerpt(&source, Place::new(1, column)).length as usize;
         assert_eq!(marked(8), "[1, { a: [2] }]".len());
         assert_eq!(marked(1), text.len() - " # and more".len());

@@ -100,8 +100,7 @@ fn what_the_device_does_not_bear_once_more_stays_undecided() {
 }
 
 fn of_sources(sources: &[(&str, &str)]) -> Library {
-    let sources = sources.iter().map(|(name, text)| {
-        Arc::new(Source { name: (*name).to_owned(), text: (*text).to_owned().into() })
-    });
+    let sources =
+        sources.iter().map(|(name, text)| Arc::new(Source::new(*name, (*text).to_owned())));
     Library::from_sources(&sources.collect::<Vec<_>>(), Catalogue::built_in()).unwrap()
 }

@@ -198,7 +198,7 @@ impl<'s> Text<'s> {
     }
 
     fn holds(&self, text: &str, step: &Tree) -> bool {
-        let source = Arc::new(Source { name: String::new(), text: text.to_owned().into() });
+        let source = Arc::new(Source::new(String::new(), text.to_owned()));
         let list = Tree::of(&source).map(|tree| tree.node);
         matches!(list, Ok(Node::List(items)) if items.len() == 1 && same(&items[0], step))
     }
