@@ -351,8 +351,8 @@ pub struct ServeArgs {
     /// standard input ends; this needs no CAN
     #[arg(long)]
     pub stdio: bool,
-    /// Bit rate of the bus in bit/s, which LSS can make the device leave; that of the interface when
-    /// absent, or 1000000
+    /// Bit rate of the bus in bit/s, which LSS can make the device leave; that of the interface
+    /// when absent, or 1000000
     #[arg(long, value_name = "BITS")]
     #[arg(value_parser = whole::<u32>(1..=1_000_000))]
     pub bitrate: Option<u32>,

@@ -130,8 +130,9 @@ fn a_dry_run_keeps_to_what_failed_last() {
     let folder = tempfile::tempdir().unwrap();
     let run = |args: &[&str]| {
         let mut run = harness();
-        run.current_dir(folder.path()).args(["cia301/heartbeat", "cia301/nmt"]).args(args);
-        let output = run.args(["--target", "sim:drr460?mutant=heartbeat-cannot-be-stopped"]);
+        run.current_dir(folder.path()).args(["cia301/heartbeat/switched-off", "cia301/nmt/start"]);
+        run.args(["--target", "sim:drr460?mutant=heartbeat-cannot-be-stopped"]);
+        let output = run.args(args);
         text(&output.output().unwrap().stdout).to_owned()
     };
     run(&["-q", "--journal", "journal"]);

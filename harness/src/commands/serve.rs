@@ -89,8 +89,8 @@ pub(super) fn run(args: &ServeArgs, stop: &Stop) -> Result<Exit, Refused> {
     }
 }
 
-/// The bit rate of the bus in bit/s: that of the interface, if it has one. The device is silent after
-/// LSS has told it another one.
+/// The bit rate of the bus in bit/s: that of the interface, if it has one. The device is silent
+/// after LSS has told it another one.
 fn bit_rate(args: &ServeArgs) -> Result<u32, Refused> {
     let usual = args.bitrate.unwrap_or(DEFAULT_BIT_RATE);
     let Some(Ok(interface)) = args.target.as_deref().map(str::parse::<Interface>) else {

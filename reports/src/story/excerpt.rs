@@ -169,6 +169,8 @@ fn rank(group: &Group, trace: &Trace, steps: &[&Begun], subject: &Subject) -> Ra
     match group.kind {
         Kind::Emergency => Rank::Failure,
         Kind::SamePdo | Kind::SameState | Kind::Clock if of_subject => Rank::Subject,
+        // A PDO may be late, or not come, after a SYNC.
+        Kind::Clock if subject.is_pdo => Rank::Service,
         Kind::SamePdo | Kind::SameState | Kind::Clock | Kind::Settling => Rank::Rest,
         _ if in_step && last == Some(group) => Rank::Failure,
         _ if in_step || of_subject => Rank::Subject,

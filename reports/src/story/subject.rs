@@ -16,6 +16,8 @@ pub(super) struct Subject {
     pub object: Option<Mux>,
     /// The identifier of the judged frame, unless it is one of SDO.
     pub id: Option<Id>,
+    /// That identifier is the one of a PDO.
+    pub is_pdo: bool,
     /// Indices of records.
     records: BTreeSet<u16>,
     /// The common beginnings of words, such as `math-2` of `math-2-output`.
@@ -36,6 +38,7 @@ impl Subject {
         let mut objects: Vec<Mux> = addresses(step).map(|(mux, _)| mux).collect();
         objects.extend(object);
         if let Some(pdo) = subject.id.and_then(|id| decoder.pdo(id)) {
+            subject.is_pdo = true;
             subject.records.extend([pdo.parameter, pdo.parameter + 0x200]);
             objects.extend(pdo.mapping.iter().map(|mapped| mapped.mux));
         }

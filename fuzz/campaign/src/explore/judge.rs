@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use canopen::emcy;
+use canopen::emcy::{self, Emcy};
 use canopen::sdo::{Initiate, REQUEST_COB_ID, RESPONSE_COB_ID, Request, Response};
 use canopen::{Frame, Id, Instant, Mux, Value};
 use reference_devices::change::Replica;
@@ -504,9 +504,33 @@ fn code(frame: &Frame) -> u16 {
     byte(0) | byte(1) << 8
 }
 
+/// A frame with what it says, where its identifier tells what it is.
 fn said(frame: Frame) -> String {
-    match Response::decode(&frame.data) {
-        Ok(Response::Abort(_, code)) => format!("abort {code}"),
-        _ => frame.to_string(),
+    let is = |of: u16| frame.data_id().is_some_and(|id| (of + 1..of + 128).contains(&id));
+    let words = match (Response::decode(&frame.data), Emcy::decode(&frame.data)) {
+        (Ok(Response::Abort(_, code)), _) if is(RESPONSE_COB_ID) => return format!("abort {code}"),
+        (Ok(Response::Download(mux)), _) if is(RESPONSE_COB_ID) => format!("downloaded {mux}"),
+        (Ok(Response::Upload(mux, _)), _) if is(RESPONSE_COB_ID) => format!("uploaded {mux}"),
+        (_, Ok(Emcy { code, register, .. })) if is(emcy::COB_ID) => {
+            format!("error {:04X}h, error register {register:02X}h", code.0)
+        }
+        _ => return frame.to_string(),
+    };
+    format!("{frame} ({words})")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_is_told_by_its_identifier() {
+        let said = |frame: &str| said(frame.parse().unwrap());
+        assert_eq!(said("581#8017100030000906"), "abort 0609 0030h (value not valid for the object)");
+        assert_eq!(said("581#6017100000000000"), "581#6017100000000000 (downloaded 1017:00)");
+        assert_eq!(said("181#8017100030000906"), "181#8017100030000906");
+        let emergency = "081#8050010000000000";
+        let words = "error 5080h, error register 01h";
+        assert_eq!(said(emergency), format!("{emergency} ({words})"));
     }
 }
