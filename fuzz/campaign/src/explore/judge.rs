@@ -526,7 +526,10 @@ mod tests {
     #[test]
     fn a_frame_is_told_by_its_identifier() {
         let said = |frame: &str| said(frame.parse().unwrap());
-        assert_eq!(said("581#8017100030000906"), "abort 0609 0030h (value not valid for the object)");
+        assert_eq!(
+            said("581#8017100030000906"),
+            "abort 0609 0030h (value not valid for the object)"
+        );
         assert_eq!(said("581#6017100000000000"), "581#6017100000000000 (downloaded 1017:00)");
         assert_eq!(said("181#8017100030000906"), "181#8017100030000906");
         let emergency = "081#8050010000000000";
