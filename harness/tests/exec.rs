@@ -12,7 +12,7 @@ use std::fs;
 use common::{harness, project};
 use reports::{Run, Verdict};
 
-/// A run of these cases.
+/// A run of these cases, with further arguments among them.
 fn run(target: &str, cases: &[&str]) -> Run {
     let folder = tempfile::tempdir().expect("a folder");
     let journal = folder.path().join("journal");
@@ -54,6 +54,15 @@ fn a_program_with_a_defect_fails_where_it_does_in_virtual_time() {
     let served = served(&format!("generic --mutant {mutant}"));
     let found = compare(&served, &format!("sim:generic?mutant={mutant}"));
     assert!(found.cases().any(|(_, case)| case.verdict() == Verdict::Fail));
+}
+
+/// LSS tells the device the bit rate of its bus, so it goes on; another one would leave it silent.
+#[test]
+fn a_program_takes_the_bit_rate_of_its_bus_from_the_command_line() {
+    let case = "cia305/bit-timing/speaks-again";
+    let run = run(&served("generic --bitrate 500000"), &[case, "--bitrate", "500000"]);
+    let verdicts: Vec<_> = run.cases().map(|(_, case)| case.verdict()).collect();
+    assert_eq!(verdicts, [Verdict::Pass]);
 }
 
 /// A device file says where the program runs and what is in its environment, for the program, the

@@ -39,6 +39,10 @@ static COMMON_SOURCES: LazyLock<Vec<Arc<Source>>> =
     LazyLock::new(|| COMMON.iter().copied().map(source).collect());
 static PERSONALITY_SOURCE: LazyLock<Arc<Source>> = LazyLock::new(|| source(PERSONALITIES));
 
+/// What the files of the stack hold: they are long, and each device has it.
+static COMMON_FREEDOMS: LazyLock<Vec<Result<Vec<Freedom>, Vec<Complaint>>>> =
+    LazyLock::new(|| COMMON_SOURCES.iter().map(read).collect());
+
 /// The files that hold the freedoms of a device: those that any device can use, then its own.
 pub fn sources(device: &ReferenceDevice) -> Vec<Arc<Source>> {
     COMMON_SOURCES.iter().chain(&device.files.freedoms).cloned().collect()
@@ -72,8 +76,9 @@ pub fn read(source: &Arc<Source>) -> Result<Vec<Freedom>, Vec<Complaint>> {
 pub fn of(device: &ReferenceDevice) -> Result<Vec<Freedom>, Vec<Complaint>> {
     let family = device.family();
     let (mut freedoms, mut complaints) = (Vec::<Freedom>::new(), Vec::new());
-    for (place, source) in sources(device).iter().enumerate() {
-        let read = match read(source) {
+    let own = device.files.freedoms.iter().map(read);
+    for (place, read) in COMMON_FREEDOMS.iter().cloned().chain(own).enumerate() {
+        let read = match read {
             Ok(read) => read,
             Err(mut wrong) => {
                 complaints.append(&mut wrong);
@@ -125,8 +130,7 @@ pub fn of(device: &ReferenceDevice) -> Result<Vec<Freedom>, Vec<Complaint>> {
 /// # Errors
 /// What is wrong with their files.
 pub fn common() -> Result<Vec<Freedom>, Vec<Complaint>> {
-    let each = COMMON_SOURCES.iter().map(read).collect::<Result<Vec<_>, _>>()?;
-    Ok(each.concat())
+    Ok(COMMON_FREEDOMS.iter().cloned().collect::<Result<Vec<_>, _>>()?.concat())
 }
 
 /// The personalities of a device.

@@ -28,6 +28,10 @@ const COMMON: &[(&str, &str)] = &[
 static COMMON_SOURCES: LazyLock<Vec<Arc<Source>>> =
     LazyLock::new(|| COMMON.iter().map(|(name, text)| built_in(name, text)).collect());
 
+/// What these files hold: they are long, and each device has it.
+static COMMON_MUTANTS: LazyLock<Vec<Result<Vec<Mutant>, Vec<Complaint>>>> =
+    LazyLock::new(|| COMMON_SOURCES.iter().map(|source| read(source, WITH_EVERYTHING)).collect());
+
 /// The files that hold the mutants of a device, those that any device can be first.
 pub fn sources(device: &ReferenceDevice) -> Vec<Arc<Source>> {
     COMMON_SOURCES.iter().chain(&device.files.mutants).cloned().collect()
@@ -91,8 +95,7 @@ fn find_freedoms(mutants: &mut [Mutant]) -> Vec<Complaint> {
 /// # Errors
 /// What is wrong with their files.
 pub fn common() -> Result<Vec<Mutant>, Vec<Complaint>> {
-    let each = COMMON_SOURCES.iter().map(|source| read(source, WITH_EVERYTHING));
-    Ok(each.collect::<Result<Vec<_>, _>>()?.concat())
+    Ok(COMMON_MUTANTS.iter().cloned().collect::<Result<Vec<_>, _>>()?.concat())
 }
 
 /// The mutants that live on a device or variant.
@@ -103,8 +106,9 @@ pub fn common() -> Result<Vec<Mutant>, Vec<Complaint>> {
 pub fn of(device: &ReferenceDevice) -> Result<Vec<Mutant>, Vec<Complaint>> {
     let family = device.family();
     let (mut mutants, mut complaints) = (Vec::<Mutant>::new(), Vec::new());
-    for (place, source) in sources(device).iter().enumerate() {
-        let mut read = match read(source, family) {
+    let own = device.files.mutants.iter().map(|source| read(source, family));
+    for (place, read) in COMMON_MUTANTS.iter().cloned().chain(own).enumerate() {
+        let mut read = match read {
             Ok(read) => read,
             Err(mut wrong) => {
                 complaints.append(&mut wrong);
