@@ -46,15 +46,21 @@ class Hub:
                         stream.write(stamped)
                         stream.flush()
                     except BrokenPipeError:
-                        sys.exit(f"hub: {name} has ended")
+                        give_up(f"{name} has ended")
 
     def listen(self, sender, stream):
         for line in stream:
             if not line.strip():
                 continue
             if not FRAME.fullmatch(line.split()[-1]):
-                sys.exit(f"hub: {sender} wrote a line that ends with no frame: {line.strip()}")
+                give_up(f"{sender} wrote a line that ends with no frame: {line.strip()}")
             self.hand_on(sender, line)
+
+
+def give_up(why):
+    """Ends the hub from any thread; `sys.exit` would end the thread alone."""
+    print(f"hub: {why}", file=sys.stderr, flush=True)
+    os._exit(1)
 
 
 def partner(program, named, bench):
