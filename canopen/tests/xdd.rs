@@ -51,9 +51,10 @@ fn findings_are_at_the_attributes() {
             "8:42: error: SupportedObjects is 4 instead of 3 [eds-list-count]",
             "10:118: error: DefaultValue: 0x1FF is outside 0 to 255, the range of unsigned8 \
              [eds-default-range]",
-            "11:132: note: key \"ParameterValue\" belongs into a DCF [eds-dcf]",
+            "11:132: note: key \"ParameterValue\" is for a configured device (DCF, XDC) [eds-dcf]",
             "12:77: error: object 1018h: SubNumber is 3 instead of 2 [eds-subnumber]",
-            "19:5: note: section [DeviceComissioning] belongs into a DCF [eds-dcf]",
+            "19:5: note: section [DeviceComissioning] is for a configured device (DCF, XDC) \
+             [eds-dcf]",
         ]
     );
 }
@@ -121,6 +122,8 @@ fn numbers_of_vendor_and_product_may_be_in_the_dictionary_alone() {
     let without = FAULTY.replace(vendor, "").replace(product, "");
     assert_eq!(said(&without), ((0x123, 0), 0));
     assert_eq!(said(&FAULTY.replace(vendor, "<vendorID/>")), ((0x123, 7), 0));
+    let commented = "<vendorID>\n<!-- ours -->0x12<!-- not 0x124 -->3</vendorID>";
+    assert_eq!(said(&FAULTY.replace(vendor, commented)), ((0x123, 7), 0));
     assert_eq!(said(&FAULTY.replace(product, "<productID/>")), ((0x123, 0), 1));
 }
 

@@ -156,7 +156,7 @@ impl Reader {
     fn other(&mut self, section: &Section<'_>) {
         let title = section.title;
         let (code, message) = if is_one_of(title, &COMMISSIONING) {
-            (&codes::DCF, format!("section [{title}] belongs into a DCF"))
+            (&codes::DCF, format!("section [{title}] is for a configured device (DCF, XDC)"))
         } else if is_one_of(title, &KNOWN_OTHERS) || is_tool(title) {
             return self.keep(title.to_owned(), section.keys.iter());
         } else {
@@ -194,7 +194,7 @@ impl Reader {
         for key in section.keys.iter().filter(|key| !known(key.name)) {
             kept.push((key.name.to_owned(), key.value.to_owned()));
             if is_one_of(key.name, &DCF_KEYS) {
-                let message = format!("key {:?} belongs into a DCF", key.name);
+                let message = format!("key {:?} is for a configured device (DCF, XDC)", key.name);
                 self.findings.habit(&codes::DCF, key.name_at, message);
             } else if !is_one_of(key.name, &KEPT_KEYS) {
                 let message =

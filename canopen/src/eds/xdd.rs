@@ -263,15 +263,16 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
         }
     }
 
-    /// The text of an element as a value.
+    /// The text of an element as a value. A comment in it says nothing.
     fn element(&self, key: &str, node: Node<'d, 'i>) -> Line {
-        let text = node.children().find(Node::is_text);
+        let texts = || node.children().filter(Node::is_text);
+        let said = |it: &Node<'_, '_>| it.text().is_some_and(|text| !in_a_line(text).is_empty());
         let name_at = self.place(node);
         Line {
             name: key.to_owned(),
-            value: in_a_line(text.and_then(|it| it.text()).unwrap_or_default()),
+            value: in_a_line(&texts().filter_map(|it| it.text()).collect::<String>()),
             name_at,
-            at: text.map_or(name_at, |it| self.place(it)),
+            at: texts().find(said).map_or(name_at, |it| self.place(it)),
         }
     }
 
