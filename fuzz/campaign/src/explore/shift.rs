@@ -7,7 +7,7 @@ use canopen::sdo::{REQUEST_COB_ID, Request};
 use canopen::{Id, Instant};
 use reference_devices::change::Replica;
 
-use super::lane::Lane;
+use super::lane::{GRACE, Lane};
 use crate::oracle::{Seen, error_control, is_reset};
 
 /// By how many nanoseconds what the tester did comes later for a replica.
@@ -112,11 +112,19 @@ fn shifted(seen: &[Seen], by: Shift, node: u8) -> Vec<(Instant, usize)> {
     let later = |at: Instant, by: i64| Instant(at.0.saturating_add_signed(by));
     let is_look = |what: &Seen| is_read(what) || matches!(what, Seen::Observed(..));
     let mut events: Vec<(Instant, usize)> = Vec::new();
-    let (mut last, mut started) = (Instant::ZERO, false);
+    let (mut last, mut started, mut booted) = (Instant::ZERO, false, None);
     for (place, what) in seen.iter().enumerate() {
         if is_boot_up(what, node) {
             // The first one is at the same time for each replica if nobody switched it on.
-            last = last.max(later(what.at(), if started { by.starts } else { 0 }));
+            let at = later(what.at(), if started { by.starts } else { 0 });
+            last = last.max(at);
+            booted = Some((what.at(), at));
+        }
+        // A replica that boots a moment later than the device takes nothing by then.
+        if is_own(what)
+            && let Some((of_device, at)) = booted.take()
+        {
+            last = last.max(at + what.at().since(of_device).min(GRACE));
         }
         if is_look(what) {
             last = last.max(what.at());
