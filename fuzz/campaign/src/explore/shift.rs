@@ -107,7 +107,8 @@ impl Shifted {
     }
 }
 
-/// What the tester did, at other times: nothing passes a look, nor a boot-up message.
+/// What the tester did, at other times: nothing passes a look, and what waited for a boot-up message
+/// comes after it.
 fn shifted(seen: &[Seen], by: Shift, node: u8) -> Vec<(Instant, usize)> {
     let later = |at: Instant, by: i64| Instant(at.0.saturating_add_signed(by));
     let is_look = |what: &Seen| is_read(what) || matches!(what, Seen::Observed(..));
@@ -213,12 +214,17 @@ mod tests {
         Seen::Frame(Stamped { at, frame: frame.parse().unwrap(), own })
     }
 
+    /// A replica that boots a moment later would take nothing at the moment of the boot-up message.
     #[test]
-    fn nothing_comes_before_the_boot_up_that_it_waited_for() {
+    fn what_waited_for_a_boot_up_keeps_its_distance() {
         let all = [seen(1_200_000, false, "701#00"), seen(1_201_000, true, "000#0101")];
         let at = |by| shifted(&all, by, 1)[0].0;
-        assert_eq!(at(SHIFTS[0]), Instant(1_200_000_000));
+        assert_eq!(at(SHIFTS[0]), Instant(1_201_000_000));
+        assert_eq!(at(Shift::apart(6)), Instant(1_201_000_000));
         assert_eq!(at(SHIFTS[1]), Instant(1_301_000_000));
+        // What came much later may come earlier, and not too early.
+        let late = [all[0].clone(), seen(1_290_000, true, "000#0101")];
+        assert_eq!(shifted(&late, SHIFTS[0], 1)[0].0, Instant(1_220_000_000));
         // A boot-up after a reset comes earlier with the reset.
         let reset = [seen(500_000, true, "000#8101"), all[0].clone(), all[1].clone()];
         assert_eq!(shifted(&reset, SHIFTS[0], 1)[1].0, Instant(1_101_000_000));
