@@ -129,6 +129,31 @@ fn an_exploration_finds_a_mutant_in_its_own_time() {
     assert!(!findings.is_empty(), "{name}");
 }
 
+/// A replica that took the first write at the moment of its boot-up would not take it, and what a
+/// device does that ignores the setting would be right for that replica.
+#[test]
+fn one_write_after_the_boot_up_is_enough() {
+    const SESSION: &str = r#"[
+        { "does": "download", "frames": ["601#2B00301005000000"],
+          "then": { "answers": { "id": 1409, "count": 1 } } }
+    ]"#;
+    let device = devices::device("drr460").unwrap();
+    let mutants = mutant::of(&device).unwrap();
+    let mutant = mutants.iter().find(|it| it.name == "command-live-zero-ignored").unwrap();
+    let blueprint = Blueprint::of_reference(&device, 1, 1_000_000).unwrap();
+    let blueprint = blueprint.in_its_own_time(true).sparing(vec![Kind::PowerCycle]);
+    let actions: Vec<Action> = serde_json::from_str(SESSION).unwrap();
+    for (deviation, is_found) in [(mutant.deviation(), true), (Deviation::default(), false)] {
+        let built = deviation.build(&device, 1).unwrap();
+        for seed in 0..8 {
+            let mut place = Place { device: built.replica(), bit_rate: 1_000_000, seed };
+            let model = Belief::new(&blueprint, Vec::new()).unwrap().model();
+            let played = place.play(&blueprint, model, &Script::Actions(&actions)).unwrap();
+            assert_eq!(played.end.is_some(), is_found, "seed {seed}");
+        }
+    }
+}
+
 /// What came a moment too early waits for what explains it, and must not hide what else is to be
 /// explained until then.
 #[test]
