@@ -107,8 +107,8 @@ impl Shifted {
     }
 }
 
-/// What the tester did, at other times: nothing passes a look, and what waited for a boot-up message
-/// comes after it.
+/// What the tester did, at other times: nothing passes a look, and what waited for a boot-up
+/// message comes after it.
 fn shifted(seen: &[Seen], by: Shift, node: u8) -> Vec<(Instant, usize)> {
     let later = |at: Instant, by: i64| Instant(at.0.saturating_add_signed(by));
     let is_look = |what: &Seen| is_read(what) || matches!(what, Seen::Observed(..));
