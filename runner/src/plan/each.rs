@@ -7,7 +7,7 @@ use canopen::eds::{Access, Direction, Entry, Object, ObjectKind, Term};
 use canopen::{DataType, Mux, Value};
 
 use super::bytes::entry_word;
-use super::pdo::pdo_scopes;
+use super::pdo::{is_mapped, mapping_scope, pdo_scopes};
 use super::profile::block_scopes;
 use super::scope::{Binding, Bound, Scope};
 use crate::dut::Dut;
@@ -24,6 +24,10 @@ pub(super) fn each_scope(each: &Each, suite: &Suite, dut: &Dut) -> Result<Vec<Bo
     match each {
         Each::Objects(objects) => {
             let mut entries = matching_entries(objects, dut)?;
+            let names = names_of_pdo(objects, dut);
+            if objects.has.contains(&Has::Mapped) {
+                entries.retain(|entry| names(entry).is_some());
+            }
             if objects.longest {
                 let longest = entries.iter().map(|entry| dut.length(entry)).max();
                 entries.retain(|entry| Some(dut.length(entry)) == longest);
@@ -31,9 +35,8 @@ pub(super) fn each_scope(each: &Each, suite: &Suite, dut: &Dut) -> Result<Vec<Bo
             }
             let most = objects.most.unwrap_or(usize::MAX).max(1);
             let step = entries.len().div_ceil(most).max(1);
-            let Some(pdo) = with_pdo(objects.pdo.as_ref(), dut) else { return Ok(Vec::new()) };
-            let entries = entries.into_iter().step_by(step);
-            Ok(entries.map(|entry| entry_scope(entry, dut, pdo.clone())).collect())
+            let scope = |entry| Some(entry_scope(entry, dut, names(entry)?));
+            Ok(entries.into_iter().step_by(step).filter_map(scope).collect())
         }
         Each::Pdos(pdos) => Ok(pdo_scopes(pdos, dut)),
         Each::Block(blocks) => match with_pdo(blocks.pdo.as_ref(), dut) {
@@ -48,6 +51,17 @@ fn with_pdo(pdos: Option<&Pdos>, dut: &Dut) -> Option<Scope> {
     match pdos {
         None => Some(Scope::default()),
         Some(pdos) => pdo_scopes(pdos, dut).into_iter().next().map(|(_, scope)| scope),
+    }
+}
+
+/// The names of the PDO that an entry comes with, as [`with_pdo`] has them; of an entry that is to
+/// be mapped by default, of the first PDO that fits and maps it.
+fn names_of_pdo(objects: &Objects, dut: &Dut) -> impl Fn(&Entry) -> Option<Scope> {
+    let first = with_pdo(objects.pdo.as_ref(), dut);
+    let mapping = objects.pdo.as_ref().filter(|_| objects.has.contains(&Has::Mapped));
+    move |entry| match mapping {
+        Some(pdos) => mapping_scope(entry.mux, pdos, dut),
+        None => first.clone(),
     }
 }
 
@@ -125,6 +139,7 @@ fn states(object: &Object, entry: &Entry, has: Has, dut: &Dut) -> bool {
         Has::Segments => dut.length(entry) > 7,
         Has::Rpdo => entry.maps_into(Direction::Receive),
         Has::Tpdo => entry.maps_into(Direction::Transmit),
+        Has::Mapped => is_mapped(entry.mux, dut),
         Has::NotMappable => !entry.mappable,
         Has::NotRpdo => !entry.maps_into(Direction::Receive),
         Has::NotTpdo => !entry.maps_into(Direction::Transmit),

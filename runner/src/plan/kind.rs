@@ -78,6 +78,7 @@ const fn states(has: Has) -> &'static str {
         Has::Segments => "of more than seven bytes",
         Has::Rpdo => "that can be mapped into an RPDO",
         Has::Tpdo => "that can be mapped into a TPDO",
+        Has::Mapped => "that is in the default mapping of a PDO",
         Has::NotMappable => "that cannot be mapped",
         Has::NotRpdo => "that cannot be mapped into an RPDO",
         Has::NotTpdo => "that cannot be mapped into a TPDO",

@@ -1,7 +1,7 @@
 //! The PDOs of a data sheet, and the names that a case has for them.
 
 use canopen::eds::Object;
-use canopen::pdo::CobId;
+use canopen::pdo::{CobId, Mapping};
 use canopen::{DataType, Mux};
 
 use super::scope::{Binding, Bound, Scope};
@@ -11,12 +11,34 @@ use crate::suite::literal::Literal;
 
 /// Each PDO that fits, with its names.
 pub(super) fn pdo_scopes(pdos: &Pdos, dut: &Dut) -> Vec<Bound> {
-    let all = Pdo::all(pdos.direction, dut);
     let kind = match pdos.direction {
         DirectionName::Receive => "RPDO",
         DirectionName::Transmit => "TPDO",
     };
-    let mut scopes = Vec::new();
+    let label = |pdo: &Pdo| vec![format!("{kind}{}", pdo.number)];
+    fitting(pdos, dut).into_iter().map(|(pdo, scope)| (label(&pdo), scope)).collect()
+}
+
+/// The names of the first PDO that fits and maps an entry by default.
+pub(super) fn mapping_scope(mux: Mux, pdos: &Pdos, dut: &Dut) -> Option<Scope> {
+    fitting(pdos, dut).into_iter().find_map(|(pdo, mut scope)| {
+        let (ahead, behind) = pdo.around(mux, dut)?;
+        scope.bind("ahead", Binding::Bytes(ahead));
+        scope.bind("behind", Binding::Bytes(behind));
+        Some(scope)
+    })
+}
+
+/// Whether a PDO maps an entry by default.
+pub(super) fn is_mapped(mux: Mux, dut: &Dut) -> bool {
+    let mut all = Pdo::all(DirectionName::Receive, dut);
+    all.append(&mut Pdo::all(DirectionName::Transmit, dut));
+    all.iter().any(|pdo| dut.default_mapping(pdo.mapping).iter().any(|entry| entry.mux == mux))
+}
+
+fn fitting(pdos: &Pdos, dut: &Dut) -> Vec<(Pdo, Scope)> {
+    let all = Pdo::all(pdos.direction, dut);
+    let mut fitting = Vec::new();
     for (place, pdo) in all.iter().enumerate() {
         let settable = |pdo: &&Pdo| pdo.in_use() && pdo.states(PdoHas::Settable, None, dut);
         let neighbour = all[place + 1..].iter().find(settable);
@@ -29,13 +51,14 @@ pub(super) fn pdo_scopes(pdos: &Pdos, dut: &Dut) -> Vec<Bound> {
         }
         let mut scope = Scope::default();
         pdo.bind(&mut scope, neighbour, dut);
-        scopes.push((vec![format!("{kind}{}", pdo.number)], scope));
+        fitting.push((*pdo, scope));
     }
-    scopes.truncate(pdos.most.unwrap_or(usize::MAX).max(1));
-    scopes
+    fitting.truncate(pdos.most.unwrap_or(usize::MAX).max(1));
+    fitting
 }
 
 /// A PDO as the data sheet describes it.
+#[derive(Clone, Copy)]
 struct Pdo {
     number: u16,
     /// Indices of communication and mapping parameter.
@@ -62,6 +85,18 @@ impl Pdo {
             Some(Self { number: number + 1, communication: object.index, mapping, cob, bits })
         };
         dut.eds.objects.iter().filter_map(pdo).collect()
+    }
+
+    /// The bytes before and after an entry that is mapped by default, where the mapped objects are
+    /// whole bytes: of each other object its default.
+    fn around(&self, mux: Mux, dut: &Dut) -> Option<(Vec<u8>, Vec<u8>)> {
+        let mapped = dut.default_mapping(self.mapping);
+        let place = mapped.iter().position(|entry| entry.mux == mux)?;
+        let bytes = |mapped: &[Mapping]| -> Vec<u8> {
+            mapped.iter().flat_map(|entry| default_bytes(entry, dut)).collect()
+        };
+        let whole = mapped.iter().all(|entry| entry.bits.is_multiple_of(8));
+        whole.then(|| (bytes(&mapped[..place]), bytes(&mapped[place + 1..])))
     }
 
     const fn in_use(&self) -> bool {
@@ -141,4 +176,12 @@ impl Pdo {
             }
         }
     }
+}
+
+/// The default of a mapped object, as long as it is mapped; of a dummy, zeros.
+fn default_bytes(mapped: &Mapping, dut: &Dut) -> Vec<u8> {
+    let entry = dut.eds.entry(mapped.mux);
+    let mut bytes = entry.and_then(|entry| entry.default_bytes(dut.node).ok()).unwrap_or_default();
+    bytes.resize(usize::from(mapped.bits / 8), 0);
+    bytes
 }

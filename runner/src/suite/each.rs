@@ -117,6 +117,10 @@ pub enum Has {
     Rpdo,
     /// The right to be mapped into a TPDO.
     Tpdo,
+    /// A place in the default mapping of a PDO. With `pdo` it comes with the first one that fits,
+    /// maps it and has whole bytes for each object. Binds `$ahead` and `$behind` then, the bytes
+    /// before and after it: the defaults of the other objects.
+    Mapped,
     /// No right to be mapped.
     NotMappable,
     /// No right to be mapped into an RPDO.
