@@ -230,8 +230,17 @@ struct Held {
     at: Instant,
     /// The command; none at power-on.
     frame: Option<Frame>,
-    /// How long the model takes.
-    takes: Duration,
+    /// How the model boots.
+    boot: Boot,
+}
+
+/// How a model boots.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Boot {
+    /// How long it takes.
+    pub(crate) takes: Duration,
+    /// The node id that it has then: LSS may have given it another one.
+    node: u8,
 }
 
 /// A frame that the model may still send.
@@ -256,9 +265,9 @@ impl<'b> Oracle<'b> {
         let node = blueprint.node();
         let model = Model::new(device);
         let at = Instant::ZERO;
-        let takes = blueprint.is_in_its_own_time().then(|| boots_in(&model, node, at, None));
+        let boot = blueprint.is_in_its_own_time().then(|| boots_in(&model, at, None));
         let known = Known::new(blueprint);
-        let held = takes.flatten().map(|takes| Held { at, frame: None, takes });
+        let held = boot.flatten().map(|boot| Held { at, frame: None, boot });
         Self {
             blueprint,
             model,
@@ -324,8 +333,8 @@ impl<'b> Oracle<'b> {
                 self.release();
                 self.held = None;
                 if on && self.blueprint.is_in_its_own_time() {
-                    let takes = boots_in(&self.model, self.blueprint.node(), at, None);
-                    self.held = takes.map(|takes| Held { at, frame: None, takes });
+                    let boot = boots_in(&self.model, at, None);
+                    self.held = boot.map(|boot| Held { at, frame: None, boot });
                 }
                 Ok(())
             }
@@ -416,7 +425,7 @@ impl<'b> Oracle<'b> {
     fn advance(&mut self, to: Instant) -> Result<(), End> {
         if let Some(held) = self.held {
             self.now = self.now.max(to);
-            let boot_up = ErrorControl::BOOT_UP.frame(self.blueprint.node());
+            let boot_up = ErrorControl::BOOT_UP.frame(held.boot.node);
             return match held.at + START < to {
                 true => wrong(to, What::Missing(boot_up, held.at)),
                 false => Ok(()),
@@ -452,16 +461,16 @@ impl<'b> Oracle<'b> {
             self.refused = false;
         }
         self.last = Some(*frame);
-        if is_reset(frame, self.blueprint.node()) {
+        if is_reset(frame, self.model.id()) {
             self.release();
             // Reset communication leaves the objects of the application alone (CIA301-NMT-33).
             if frame.data.first() == Some(&Service::RESET_NODE.0) {
                 self.forget_application();
             }
             if self.blueprint.is_in_its_own_time()
-                && let Some(takes) = boots_in(&self.model, self.blueprint.node(), now, Some(frame))
+                && let Some(boot) = boots_in(&self.model, now, Some(frame))
             {
-                self.held = Some(Held { at: now, frame: Some(*frame), takes });
+                self.held = Some(Held { at: now, frame: Some(*frame), boot });
                 return Ok(());
             }
         }
@@ -477,7 +486,7 @@ impl<'b> Oracle<'b> {
 
     /// Others do not wait for a device in its own time: what it does first, nobody knows.
     fn overtakes(&mut self, now: Instant, frame: &Frame) -> Result<(), End> {
-        if commands(frame, self.blueprint.node()) {
+        if commands(frame, self.model.id()) {
             self.queues.release();
             self.early.clear();
         }
@@ -503,11 +512,11 @@ impl<'b> Oracle<'b> {
     /// Gives the model a frame of the tester.
     fn give(&mut self, now: Instant, frame: &Frame) -> Result<(), End> {
         self.taken += 1;
-        self.answered = !is_request(frame, self.blueprint.node()) && self.answered;
+        self.answered = !is_request(frame, self.model.id()) && self.answered;
         let tpdo = self.requests.last().and_then(|request| request.configures(frame));
         self.configured.extend(tpdo.map(|tpdo| (tpdo, now)));
         let before = self.model.state();
-        if commands(frame, self.blueprint.node()) && self.known.enters() {
+        if commands(frame, self.model.id()) && self.known.enters() {
             self.release();
             self.forget_application();
         }
@@ -553,7 +562,7 @@ impl<'b> Oracle<'b> {
 
     /// The device has booted: so does the model, at the same time.
     fn boot(&mut self, now: Instant, held: &Held) -> Result<(), End> {
-        let reset = Instant(now.0.saturating_sub(held.takes.as_nanos() as u64));
+        let reset = Instant(now.0.saturating_sub(held.boot.takes.as_nanos() as u64));
         self.begin(reset, held)?;
         self.advance(Instant(now.0.saturating_add(1)))?;
         self.known.booted(self.model.dictionary());
@@ -739,8 +748,8 @@ impl<'b> Oracle<'b> {
         if frame.remote && self.blueprint.shares_its_bus() {
             return self.surprise(now, &Class::Other, frame, None);
         }
-        let boots = *frame == ErrorControl::BOOT_UP.frame(self.blueprint.node());
-        if let Some(held) = self.held.take_if(|_| boots) {
+        let boots = |held: &mut Held| *frame == ErrorControl::BOOT_UP.frame(held.boot.node);
+        if let Some(held) = self.held.take_if(boots) {
             self.boot(now, &held)?;
         }
         let class = self.identifiers.class(frame, &self.model, now, self.usually_late());
@@ -798,7 +807,7 @@ impl<'b> Oracle<'b> {
 
     /// Notes an object of the application that was written to its end, and keeps it.
     fn confirm_kept(&mut self, frame: &Frame, expected: &Frame) {
-        let node = self.blueprint.node();
+        let node = self.model.id();
         let last = self.requests.last().filter(|request| request.is_confirmed_by(frame, node));
         let Some(mux) = last.and_then(Request::writes) else { return };
         let entry = self.blueprint.eds().entry(mux);
@@ -875,7 +884,7 @@ impl<'b> Oracle<'b> {
         if frame == expected || !matches!(class, Class::Sdo) {
             return Ok(());
         }
-        let refused = sdo::end(frame, self.blueprint.node());
+        let refused = sdo::end(frame, self.model.id());
         if let Some(end) = &refused {
             self.model.take(now, end).for_each(drop);
             self.refused = true;
@@ -956,7 +965,7 @@ impl<'b> Oracle<'b> {
     /// The request that the device has not answered yet and may refuse, which the model has not.
     fn open_request(&mut self) -> Option<&mut Before> {
         let taken = self.taken;
-        let id = RESPONSE_COB_ID + u16::from(self.blueprint.node());
+        let id = RESPONSE_COB_ID + u16::from(self.model.id());
         let open = self.queues.awaits(id);
         let before = self.requests.last_mut()?.before_it.as_deref_mut();
         before.filter(|before| open && taken == before.taken + 1)
@@ -1158,22 +1167,18 @@ impl<'b> Oracle<'b> {
     }
 }
 
-/// How long after a command, or after power-on, the model sends its boot-up message.
-pub(crate) fn boots_in(
-    model: &Model,
-    node: u8,
-    now: Instant,
-    command: Option<&Frame>,
-) -> Option<Duration> {
+/// How the model boots after a command, or after power-on.
+pub(crate) fn boots_in(model: &Model, now: Instant, command: Option<&Frame>) -> Option<Boot> {
     let mut model = model.clone();
     match command {
         Some(command) => model.take(now, command).for_each(drop),
         None => model.start(now),
     }
-    let boot_up = ErrorControl::BOOT_UP.frame(node);
     while let Some(due) = model.due_before(now + START) {
-        if model.poll(due).any(|sent| sent == boot_up) {
-            return Some(due.since(now));
+        let sent: Vec<Frame> = model.poll(due).collect();
+        let node = model.id();
+        if sent.contains(&ErrorControl::BOOT_UP.frame(node)) {
+            return Some(Boot { takes: due.since(now), node });
         }
     }
     None

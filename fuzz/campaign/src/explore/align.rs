@@ -2,13 +2,12 @@
 //! booted at the same time.
 
 use std::sync::Arc;
-use std::time::Duration;
 
 use canopen::{Instant, Stamped};
 use reference_devices::change::Replica;
 
 use crate::model::Model;
-use crate::oracle::{Seen, boots_in, error_control, is_reset};
+use crate::oracle::{Boot, Seen, boots_in, error_control, is_reset};
 
 /// What was seen, with each reset at the time at which the model must get it to boot when the
 /// device does; the power-on of the model comes first.
@@ -24,7 +23,7 @@ pub(super) fn aligned(model: &dyn Replica, node: u8, seen: &[Seen]) -> Vec<Seen>
                 let boot_up = stamped.frame.data_id() == Some(error_control(node))
                     && stamped.frame.data.first() == Some(&0);
                 if let Some((_, place)) = held.take_if(|_| boot_up) {
-                    start(&mut model, node, stamped.at, place, &mut all);
+                    start(&mut model, stamped.at, place, &mut all);
                 }
                 all.push(what.clone());
                 continue;
@@ -73,25 +72,25 @@ fn later(seen: &Seen) -> Seen {
 }
 
 /// The model boots at this time: it gets its reset so much earlier.
-fn start(model: &mut Model, node: u8, at: Instant, place: Option<usize>, all: &mut Vec<Seen>) {
-    let earlier = |takes: Duration| Instant(at.0.saturating_sub(takes.as_nanos() as u64));
+fn start(model: &mut Model, at: Instant, place: Option<usize>, all: &mut Vec<Seen>) {
+    let earlier = |boot: Boot| Instant(at.0.saturating_sub(boot.takes.as_nanos() as u64));
     // What it sends until then is no boot-up that follows.
     let since = place.map(|place| all[place].at());
     since.into_iter().for_each(|since| drop(model.act_before(since)));
     match place.map(|place| (place, all[place].clone())) {
         None => {
-            let begins = boots_in(model, node, Instant::ZERO, None).map_or(at, earlier);
+            let begins = boots_in(model, Instant::ZERO, None).map_or(at, earlier);
             model.start(begins);
             all.extend([Seen::Power(begins, false), Seen::Power(begins, true)]);
         }
         Some((place, Seen::Power(..))) => {
-            let begins = boots_in(model, node, at, None).map_or(at, earlier);
+            let begins = boots_in(model, at, None).map_or(at, earlier);
             model.start(begins);
             all[place] = Seen::Power(begins, true);
         }
         Some((place, Seen::Frame(mut stamped))) => {
-            let takes = boots_in(model, node, at, Some(&stamped.frame));
-            stamped.at = takes.map_or(stamped.at, earlier);
+            let boot = boots_in(model, at, Some(&stamped.frame));
+            stamped.at = boot.map_or(stamped.at, earlier);
             give(model, &Seen::Frame(stamped));
             all[place] = Seen::Frame(stamped);
         }
