@@ -73,6 +73,12 @@ impl CommandLine {
         self
     }
 
+    /// The files that its words name.
+    pub(crate) fn files(&self) -> impl Iterator<Item = PathBuf> {
+        let folder = self.folder.as_deref().unwrap_or(Path::new(""));
+        self.words.iter().map(|word| folder.join(word)).filter(|path| path.is_file())
+    }
+
     /// The program with its arguments, its folder and its environment, to be started. `near` is
     /// the folder that its own folder is relative to.
     ///

@@ -31,6 +31,7 @@ mod select;
 mod self_test;
 mod serve;
 mod trace;
+mod used;
 mod waive;
 
 use crate::cli::{Cli, Command};

@@ -137,6 +137,12 @@ impl<'r> Digest<'r> {
                     as_far_as_tested(run, "What is broken is waived")
                 }
                 (true, _) => as_far_as_tested(run, "No requirement is broken"),
+                (false, Some(ended)) if run.is_green() && !ended.outdated.is_empty() => {
+                    match ended.outdated.len() {
+                        1 => "Not green: 1 waiver is out of date".to_owned(),
+                        count => format!("Not green: {count} waivers are out of date"),
+                    }
+                }
                 (false, _) if run.is_green() => "The run is not green".to_owned(),
                 (false, _) => match (counts.of(Verdict::Fail), counts.of(Verdict::Error)) {
                     (0, 0) => "Not conformant, or not decided".to_owned(),
@@ -218,6 +224,7 @@ fn facts_of_run(run: &Run) -> Vec<(&'static str, String)> {
     facts.push(("began", started.began.map_or_else(virtual_time, moment_in_words)));
     facts.extend(Origin::in_words(&started.suites).map(|said| ("suites", clean(&said))));
     facts.extend(Origin::in_words(&started.devices).map(|it| ("reference devices", clean(&it))));
+    facts.extend(Origin::in_words(&started.files).map(|said| ("files", clean(&said))));
     facts.extend(started.selection().map(|said| ("selection", said)));
     facts.extend(started.part().map(|part| ("part", part)));
     facts.extend(started.seed.map(|seed| ("seed", seed.to_string())));

@@ -84,6 +84,10 @@ pub struct RunStarted {
     /// The descriptions of the reference devices, where one of them is tested.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub devices: Vec<Origin>,
+    /// The files of the user: device files, waivers, programs that are the device, and folders of
+    /// simulated devices.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub files: Vec<Origin>,
     /// The checks of CiA's conformance test tool, and the cases that make them here.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub tool_checks: Vec<ToolCheck>,
@@ -93,9 +97,10 @@ pub struct RunStarted {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Origin {
-    /// `built in`, or their folders as the user named them.
+    /// `built in`, or the files or their folders as the user named them.
     pub from: String,
-    /// The beginning of the SHA-256 of their names and texts, in hexadecimal.
+    /// The beginning of the SHA-256, in hexadecimal: of one file of its bytes, of several of their
+    /// names and texts.
     pub sha256: String,
 }
 

@@ -51,6 +51,8 @@ pub struct Report<'r> {
     suites: Vec<(&'r str, &'r str)>,
     /// The descriptions of the reference devices, where one is tested, likewise.
     reference_devices: Vec<(&'r str, &'r str)>,
+    /// The files of the user, likewise: of each the beginning of the SHA-256 of its bytes.
+    files: Vec<(&'r str, &'r str)>,
     /// What random things are drawn by.
     seed: Option<u64>,
     /// When the run began, in seconds since 1970; `null` in virtual time.
@@ -277,6 +279,7 @@ impl<'r> Report<'r> {
             left_out: started.and_then(|it| it.left_out),
             suites: started.map(|it| origins(&it.suites)).unwrap_or_default(),
             reference_devices: started.map(|it| origins(&it.devices)).unwrap_or_default(),
+            files: started.map(|it| origins(&it.files)).unwrap_or_default(),
             seed: started.and_then(|it| it.seed),
             began: started.and_then(|it| it.began),
             green: digest.is_green,

@@ -28,7 +28,11 @@ pub fn write(run: &Run, out: &mut dyn Write) -> io::Result<()> {
         report.add_testsuites(suites.map(|suite| test_suite(run, device, suite, &kinds)));
     }
     let suites = run.devices.iter().flat_map(|device| device.suites.iter().map(move |_| device));
-    let properties: Vec<String> = suites.map(|device| properties(run, device)).collect();
+    let mut properties: Vec<String> = suites.map(|device| properties(run, device)).collect();
+    if let Some(suite) = outdated(run) {
+        report.add_testsuite(suite);
+        properties.push(String::new());
+    }
     let flaky: Vec<String> =
         run.cases().map(|(device, case)| flaky(run, device, case).unwrap_or_default()).collect();
     let mut bytes = Vec::new();
@@ -71,6 +75,7 @@ fn properties(run: &Run, device: &DeviceRun) -> String {
         ("time", started.filter(|run| run.began.is_none()).map(|_| VIRTUAL_TIME.to_owned())),
         ("suites", started.and_then(|run| Origin::in_words(&run.suites))),
         ("reference-devices", started.and_then(|run| Origin::in_words(&run.devices))),
+        ("files", started.and_then(|run| Origin::in_words(&run.files))),
         ("selection", started.and_then(RunStarted::selection)),
         ("shard", started.and_then(RunStarted::part)),
         ("seed", started.and_then(|run| run.seed).map(|seed| seed.to_string())),
@@ -121,6 +126,27 @@ fn test_suite(run: &Run, device: &DeviceRun, suite: &SuiteRun, kinds: &Kinds) ->
     }
 }
 
+/// The waivers that are out of date, which make a run red, as failures of the harness.
+fn outdated(run: &Run) -> Option<TestSuite> {
+    let waivers = &run.ended.as_ref()?.outdated;
+    let began = run.started.as_ref().and_then(|run| run.began);
+    let case = |(number, waiver): (usize, &String)| {
+        let (name, kind) = (format!("waiver[{}]", number + 1), "waiver out of date");
+        let mut test = TestCaseBuilder::failure(&name, Duration::ZERO, kind, &attribute(waiver));
+        test.set_classname("harness.waivers");
+        test.build()
+    };
+    (!waivers.is_empty()).then(|| TestSuite {
+        name: "harness.waivers".into(),
+        package: "harness".into(),
+        timestamp: began.map_or(OffsetDateTime::UNIX_EPOCH, moment),
+        hostname: "localhost".into(),
+        testcases: waivers.iter().enumerate().map(case).collect(),
+        system_out: None,
+        system_err: None,
+    })
+}
+
 fn test_case(run: &Run, device: &DeviceRun, case: &CaseRun, kinds: &Kinds) -> TestCase {
     let (info, names) = (&case.info, &device.info.objects);
     let name = info.short_name();
@@ -145,7 +171,10 @@ fn test_case(run: &Run, device: &DeviceRun, case: &CaseRun, kinds: &Kinds) -> Te
             TestCaseBuilder::skipped_with_cause(&name, "blocked", &attribute(reason))
         }
         Outcome::Waived { outcome, waiver } => {
-            let was = format!("{} waived: {waiver}", outcome.verdict());
+            let mut was = format!("{} waived: {waiver}", outcome.verdict());
+            if let Some(problem) = outcome.problem() {
+                was.push_str(&format!(": {}", names.in_text(&difference(case, problem))));
+            }
             let mut test = TestCaseBuilder::skipped_with_cause(&name, "xfail", &attribute(&was));
             test.set_system_out(&text());
             test

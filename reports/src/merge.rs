@@ -57,8 +57,20 @@ fn both(one: RunStarted, other: &Run) -> RunStarted {
     let left_out = one.left_out.filter(|_| same);
     let suites = together(one.suites, &other.suites);
     let devices = together(one.devices, &other.devices);
-    let shard = None;
-    RunStarted { target, began, grade, repeat, selected, left_out, suites, devices, shard, ..one }
+    let files = together(one.files, &other.files);
+    RunStarted {
+        target,
+        began,
+        grade,
+        repeat,
+        selected,
+        left_out,
+        suites,
+        devices,
+        files,
+        shard: None,
+        ..one
+    }
 }
 
 /// What both were made with, each once.

@@ -650,6 +650,27 @@ fn a_green_run_says_what_it_did_not_try() {
 }
 
 #[test]
+fn waivers_that_are_out_of_date_are_why_a_run_is_red() {
+    let mut events = fixture::failing(&[("NMT-05", "702#04", &[])]);
+    for event in &mut events {
+        if let Event::CaseEnded(end) = event {
+            (end.outcome, end.cause) = (Outcome::Pass, None);
+        }
+    }
+    events.retain(|event| !matches!(event, Event::RunEnded(_)));
+    let outdated = vec!["w.yaml:4: what this waives does not occur any more".to_owned()];
+    events.push(Event::RunEnded(RunEnded { exit: 5, reason: None, outdated }));
+    let run = fold(&events, Keep::Unusual);
+    for format in FORMATS.iter().filter(|it| ["html", "markdown"].contains(&it.flag)) {
+        let text = whole(format.write, &run);
+        assert!(text.contains("Not green: 1 waiver is out of date"), "{}: {text}", format.flag);
+    }
+    let said = "<failure type=\"waiver out of date\" message=\"w.yaml:4: what this waives";
+    let junit = whole(junit::write, &run);
+    assert!(junit.contains(said), "{junit}");
+}
+
+#[test]
 fn a_decision_stands_with_what_it_decides() {
     let run = fold(&fixture::events(Grade::Lenient), Keep::Unusual);
     let decision = "CIA301-I-07: a period is kept within 1 %";

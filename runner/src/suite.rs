@@ -27,7 +27,7 @@ mod test_map;
 mod vocabulary;
 mod words;
 
-pub use built_in::{built_in, fingerprint};
+pub use built_in::{built_in, fingerprint, fingerprint_of};
 pub use dimension::{Dimension, Extent};
 pub use library::{Library, is_register, is_suite};
 pub use loaded::Suite;

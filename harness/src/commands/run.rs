@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use canopen::{BusError, Instant};
-use reports::{Event, Identity, Note, Origin, Run, RunEnded, RunStarted, Verdict};
+use reports::{Event, Identity, Note, Run, RunEnded, RunStarted, Verdict};
 use runner::dut::OtherNode;
 use runner::parallel::{self, InTurn, processors};
 use runner::plan::{Instance, Plan};
@@ -22,10 +22,10 @@ use super::estimate::{self, Earlier};
 use super::planned::Planned;
 use super::recorded::recorded;
 use super::select::select;
+use super::used::Used;
 use crate::bus::load::Load;
 use crate::bus::unix_time;
 use crate::cli::RunArgs;
-use crate::data;
 use crate::device_file::DeviceFile;
 use crate::exit::{Exit, Refused};
 use crate::files::read_source;
@@ -117,13 +117,6 @@ struct Prepared {
     used: Used,
 }
 
-/// Suites and descriptions of devices, as reports name them.
-#[derive(Default)]
-struct Used {
-    suites: Vec<Origin>,
-    devices: Vec<Origin>,
-}
-
 impl Prepared {
     fn new(
         each: Vec<RunArgs>,
@@ -165,7 +158,11 @@ impl Prepared {
         tell_apart(&mut devices);
         let chosen = last_failed.is_some()
             || commons.iter().any(|common| !common.args.selection.patterns.is_empty());
-        let used = if run.is_written() { Used::of(&commons, &devices)? } else { Used::default() };
+        let simulated = devices.iter().any(|device| device.target.is_simulation());
+        let used = match run.is_written() {
+            true => Used::of(commons.iter().map(|common: &Common| &common.args), simulated)?,
+            false => Used::default(),
+        };
         let left_out = run.is_written().then(|| all.saturating_sub(kept));
         let selected = chosen || run.shard.is_some();
         Ok(Self { commons, devices, selected, chosen, left_out, used })
@@ -191,13 +188,14 @@ impl Prepared {
         reporter.expect(cases, remaining);
         let tool_checks = commons.first().map(|common| common.library.tool_checks());
         let tool_checks = tool_checks.unwrap_or_default();
-        let Used { suites, devices: described } = used;
+        let Used { suites, devices: described, files } = used;
         reporter.tell(&Event::RunStarted(RunStarted {
             tool_checks,
             selected: chosen,
             left_out: left_out.filter(|_| chosen),
             suites,
             devices: described,
+            files,
             ..started(args, real)
         }));
         devices.retain(|device| !device.plan.instances.is_empty());
@@ -240,24 +238,6 @@ fn warn_of_absent_objects(commons: &[Common], devices: &[Tested]) {
         for complaint in DeviceFile::absent_for_all(files) {
             complain!("{}\n", complaint.to_string().replacen("error", "warning", 1));
         }
-    }
-}
-
-impl Used {
-    /// The suites of these, each once, and the reference devices where one is simulated.
-    ///
-    /// # Errors
-    /// When the suites cannot be read again.
-    fn of(commons: &[Common], devices: &[Tested]) -> Result<Self, Refused> {
-        let mut suites = Vec::new();
-        for common in commons {
-            let origin = common.args.selection.folders.origin()?;
-            if !suites.contains(&origin) {
-                suites.push(origin);
-            }
-        }
-        let simulated = devices.iter().any(|device| device.target.is_simulation());
-        Ok(Self { suites, devices: simulated.then(data::devices).into_iter().collect() })
     }
 }
 

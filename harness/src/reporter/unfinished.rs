@@ -27,6 +27,7 @@ pub(crate) fn started(args: &RunArgs, on_real_bus: bool) -> RunStarted {
         left_out: None,
         suites: Vec::new(),
         devices: Vec::new(),
+        files: Vec::new(),
         repeat: (args.repeat > 1).then_some(args.repeat),
         tool_checks: Vec::new(),
     }

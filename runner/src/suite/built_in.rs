@@ -27,6 +27,15 @@ pub fn fingerprint<'s>(sources: impl Iterator<Item = &'s Source>) -> String {
             hash.update(part.as_bytes());
         }
     }
+    shortened(hash)
+}
+
+/// The beginning of the SHA-256 of a file, in hexadecimal.
+pub fn fingerprint_of(bytes: &[u8]) -> String {
+    shortened(Sha256::new_with_prefix(bytes))
+}
+
+fn shortened(hash: Sha256) -> String {
     hash.finalize().iter().take(FINGERPRINT).map(|byte| format!("{byte:02x}")).collect()
 }
 

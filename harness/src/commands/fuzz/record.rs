@@ -16,6 +16,7 @@ use super::prepared::Prepared;
 use crate::cli::RunArgs;
 use crate::exit::Exit;
 use crate::reporter::{Reporter, started};
+use crate::source::Complaint;
 
 /// Tells the reporter of a campaign what happens in it.
 pub(super) struct Record<'r> {
@@ -148,10 +149,11 @@ impl<'r> Record<'r> {
         let of_waivers = if outdated.is_empty() { Exit::Green } else { Exit::Waivers };
         let of_findings = if red { Exit::Findings } else { Exit::Green };
         let worst = stopped.max(of_findings).max(of_waivers);
+        let said = outdated.iter().map(Complaint::in_one_line).collect();
         self.reporter.tell(&Event::RunEnded(RunEnded {
             exit: worst as u8,
             reason,
-            outdated: Vec::new(),
+            outdated: said,
         }));
         let finished = self.reporter.finish();
         for complaint in outdated {
