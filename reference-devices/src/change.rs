@@ -27,7 +27,7 @@ use canopen::source::Complaint;
 use canopen::{Dictionary, Pattern};
 
 use crate::decisions::{How, Otherwise, Set};
-use crate::devices::ReferenceDevice;
+use crate::devices::{INERT, ReferenceDevice};
 use crate::rules::{self, Dissent, Rules};
 use crate::stack::{Behaviour, Node};
 
@@ -267,7 +267,7 @@ impl Deviation {
         let [of_stack, of_application] = self.otherwise(&device)?;
         let rules = Rules::default().with(&of_stack);
         let behaviour = device.deviating_behaviour(&of_application);
-        let behaviour = self.ignoring(behaviour, &eds, node)?;
+        let behaviour = self.ignoring(behaviour, &device, &eds, node)?;
         let od = match &eds {
             Cow::Borrowed(_) => device.dictionary(node),
             Cow::Owned(eds) => Dictionary::new(eds, node),
@@ -330,11 +330,16 @@ impl Deviation {
     fn ignoring(
         &self,
         mut behaviour: Box<dyn Behaviour>,
+        device: &ReferenceDevice,
         eds: &Eds,
         node: u8,
     ) -> Result<Box<dyn Behaviour>, Complaint> {
         for Part { change, origin, .. } in &self.parts {
             let Change::Ignores(object) = change else { continue };
+            if device.description.behaviour == INERT {
+                let message = "behaviour `inert` obeys no object, so that it ignores none".to_owned();
+                return Err(origin.refuse(&Misfit::at(&["ignores"], message)));
+            }
             let objects = Dictionary::new(eds, node).ok();
             let ignoring = objects.and_then(|od| Ignoring::new(behaviour, *object, &od));
             behaviour = Box::new(ignoring.ok_or_else(|| {

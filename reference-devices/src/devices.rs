@@ -29,6 +29,7 @@ use crate::stack::{Behaviour, Node, NodeSettings};
 
 use crate::decisions::{Otherwise, Set};
 use applications::Application;
+pub(crate) use applications::INERT;
 
 /// A device that can be built.
 #[derive(Clone, Debug)]
@@ -231,7 +232,7 @@ impl ReferenceDevice {
             title: String::new(),
             document: String::new(),
             profiles: Vec::new(),
-            behaviour: "inert".to_owned(),
+            behaviour: INERT.to_owned(),
             without: Vec::new(),
             not_judged: BTreeMap::new(),
             names: BTreeMap::new(),

@@ -103,7 +103,6 @@ fn place(path: &Path) -> io::Result<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::files::words;
 
     fn anything(out: &mut dyn Write) -> io::Result<()> {
         out.write_all(b"anything")
@@ -146,7 +145,8 @@ mod tests {
         null.write(anything).unwrap();
         assert!(!null.is_same(Path::new("/dev/null")));
         let full = Output::new(Path::new("/dev/full")).unwrap();
-        assert_eq!(words(&full.write(anything).unwrap_err()), "No space left on device");
+        let full = crate::files::words(&full.write(anything).unwrap_err());
+        assert_eq!(full, "No space left on device");
     }
 
     #[test]

@@ -34,11 +34,14 @@ pub(super) fn names() -> Vec<&'static str> {
     APPLICATIONS.iter().map(|application| application.name).collect()
 }
 
+/// The application that communicates and does nothing besides.
+pub(crate) const INERT: &str = "inert";
+
 const OF_IO: Set = Set::of::<Cia401Decision>();
 
 /// The applications without a device of their own come first: they serve any data.
 const APPLICATIONS: &[Application] = &[
-    Application { name: "inert", build: |_, _| Box::new(Inert), decisions: &[] },
+    Application { name: INERT, build: |_, _| Box::new(Inert), decisions: &[] },
     Application {
         name: "cia401",
         build: |device, otherwise| {

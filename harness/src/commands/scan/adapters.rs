@@ -116,12 +116,11 @@ fn name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-#[cfg(test)]
+#[cfg(all(test, unix))]
 mod tests {
     use super::*;
 
     #[test]
-    #[cfg(unix)]
     fn adapters_have_the_target_to_type() {
         let root = tempfile::tempdir().unwrap();
         let root = root.path();
