@@ -116,6 +116,29 @@ fn the_template_makes_one_report_of_shards() {
     assert!(summary.contains("A regression"), "{summary}");
 }
 
+#[test]
+fn the_gate_fetches_a_release_and_takes_no_other_file() {
+    let mut server = Server::new();
+    let folder = server.folder.path().join("release");
+    fs::create_dir_all(folder.join("harness-0.1.0")).expect("it is made");
+    let program = harness().get_program().to_owned();
+    std::os::unix::fs::symlink(program, folder.join("harness-0.1.0/harness")).expect("a link");
+    let packed = "tar -czf harness.tar.gz harness-0.1.0 && sha256sum harness.tar.gz >sums";
+    assert!(shell(&["-c", packed], &folder, &Variables::new()).success());
+    let sums = fs::read_to_string(folder.join("sums")).expect("it is read");
+    let sha256 = sums.split(' ').next().expect("a sum");
+    let release = format!("file://{}", folder.join("harness.tar.gz").display());
+    let arguments = format!("--dut device-under-test.yaml -q {CASES}");
+    let inputs = [("arguments", arguments.as_str()), ("release", &release), ("sha256", sha256)];
+    assert_eq!(server.github("github", &inputs, "main", DUT), 0);
+    let altered = sha256.replace(|digit: char| digit.is_ascii_digit(), "0");
+    let inputs = [inputs[0], inputs[1], ("sha256", &altered)];
+    assert_eq!(server.github("github", &inputs, "topic", DUT), 6);
+    let missing = format!("{release}.none");
+    let inputs = [inputs[0], ("release", &missing), ("sha256", sha256)];
+    assert_eq!(server.github("github", &inputs, "topic", DUT), 6);
+}
+
 /// A server with what it keeps from run to run.
 struct Server {
     folder: tempfile::TempDir,
@@ -314,7 +337,9 @@ fn shell(arguments: &[&str], at: &Path, variables: &Variables) -> ExitStatus {
     shell.args(arguments).current_dir(at).env_clear();
     shell.env("PATH", std::env::var_os("PATH").unwrap_or_default());
     let program = harness();
-    shell.env("HARNESS", program.get_program());
+    if variables.get("RELEASE").is_none_or(String::is_empty) {
+        shell.env("HARNESS", program.get_program());
+    }
     shell.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?)))).envs(variables);
     let output = shell.output().expect("there is bash");
     print!("{}", String::from_utf8_lossy(&[output.stdout, output.stderr].concat()));

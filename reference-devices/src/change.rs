@@ -337,7 +337,8 @@ impl Deviation {
         for Part { change, origin, .. } in &self.parts {
             let Change::Ignores(object) = change else { continue };
             if device.description.behaviour == INERT {
-                let message = "behaviour `inert` obeys no object, so that it ignores none".to_owned();
+                let message =
+                    "behaviour `inert` obeys no object, so that it ignores none".to_owned();
                 return Err(origin.refuse(&Misfit::at(&["ignores"], message)));
             }
             let objects = Dictionary::new(eds, node).ok();

@@ -228,10 +228,11 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
                 Follows::Again => {
                     left = Left::Dirty;
                     let why = match common.dut.shares_its_bus {
-                        true => "it failed, and a frame may have been lost or have come twice",
-                        false => "it failed, and the machine may have been too busy for the device",
+                        true => "a frame was lost or came twice",
+                        false => "the machine was too busy for the device",
                     };
-                    run.repeat(format!("{why}: the case is repeated after a reset"), true);
+                    let what = "the first attempt failed; the case is repeated after a reset";
+                    run.repeat(format!("{what}, to rule out that {why}"), true);
                     continue;
                 }
             },
