@@ -42,7 +42,7 @@ pub(super) fn run(args: &ExplainArgs) -> Result<Exit, Refused> {
     if let Some(OwnDevice { path, .. }) = own.first() {
         bring_home(&mut library, path, &args.folders)?;
     }
-    let (freedoms, personalities) = freedoms()?;
+    let (freedoms, personalities) = freedoms(&own, &library.catalogue)?;
     let options = args.folders.options();
     let mutants = mutants(&own, &library.catalogue)?;
     args.modules.beside(args.eds.as_deref())?;
@@ -68,7 +68,7 @@ struct Book {
     /// Each once, with the devices that have it.
     mutants: Vec<(Mutant, Vec<String>)>,
     /// Each with the device on which it is tried.
-    freedoms: Vec<(Freedom, &'static str)>,
+    freedoms: Vec<(Freedom, String)>,
     personalities: Vec<Personality>,
     /// The user's device, with its variants.
     own: Vec<OwnDevice>,
@@ -76,14 +76,21 @@ struct Book {
     sheet: Option<(String, Eds)>,
 }
 
-type Freedoms = (Vec<(Freedom, &'static str)>, Vec<Personality>);
+type Freedoms = (Vec<(Freedom, String)>, Vec<Personality>);
 
-fn freedoms() -> Result<Freedoms, Refused> {
-    let (mut freedoms, mut personalities) = (Vec::new(), Vec::new());
+fn freedoms(own: &[OwnDevice], catalogue: &Catalogue) -> Result<Freedoms, Refused> {
+    let (mut freedoms, mut personalities): Freedoms = Default::default();
     for name in devices::names() {
         let device = reference_device(name, Catalogue::built_in())?;
-        freedoms.extend(freedom::of(&device)?.into_iter().map(|freedom| (freedom, name)));
+        freedoms.extend(freedom::of(&device)?.into_iter().map(|it| (it, name.to_owned())));
         personalities.extend(freedom::personalities(&device)?);
+    }
+    for OwnDevice { path, .. } in own {
+        for freedom in freedom::of(&*reference_device(path, catalogue)?)? {
+            if !freedoms.iter().any(|(known, _)| known.name == freedom.name) {
+                freedoms.push((freedom, path.clone()));
+            }
+        }
     }
     Ok((freedoms, personalities))
 }
