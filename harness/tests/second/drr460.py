@@ -538,7 +538,9 @@ class Drr460(Node):
             return True
         value = raw * (1 + self.p(8) / 1000) + self.p(7)
         if not self.samples or self.now >= self.sampled_at + 0.1:
-            self.sampled_at = self.now
+            # Every 100 ms, however late it is looked at.
+            late = (self.now - self.sampled_at) % 0.1 if self.samples else 0.0
+            self.sampled_at = self.now - late
             self.samples.append(value)
         self.samples = self.samples[-self.p(10):]
         self.process = rounded(clamp(sum(self.samples) / len(self.samples), -32768, 32767))
@@ -969,8 +971,11 @@ class Drr460(Node):
         # A load for the stimulus `process`, which no manual describes: that of the bench of the
         # reference device, with a heater of 300 K, a cooler of 100 K, and a sensor that lags.
         heating, cooling = self.driven()
-        self.load_at += (25 + 300 * heating - 100 * cooling - self.load_at) * dt / 100
-        self.plant += (self.load_at - self.plant) * min(1.0, dt / 2)
+        end = 25 + 300 * heating - 100 * cooling
+        load, sensor = math.exp(-dt / 100), math.exp(-dt / 2)
+        away = self.load_at - end
+        self.load_at = end + away * load
+        self.plant = end + (self.plant - end) * sensor + away * (load - sensor) * 100 / 98
         broken = self.measure()
         if self.p(115) and self.now >= self.heard_at + self.p(115) / 10:
             self.offline = True
