@@ -181,6 +181,22 @@ fn what_a_template_says_is_taken_from_there() {
     assert_eq!(said(0x2002), (Access::Ro, DataType::INTEGER8, [None, None, None]), "it is lost");
 }
 
+/// A derived type may refer to a derived one, and a parameter to the variable of a function.
+#[test]
+fn a_type_is_found_behind_other_names() {
+    let reading = read(TYPES.as_bytes());
+    let said = |index| {
+        let entry = reading.eds.entry(Mux::new(index, 0)).expect("it is described");
+        (entry.data_type, entry.default.as_ref().map(|it| it.resolve(1)))
+    };
+    let five = Some(canopen::Value::Int(5));
+    assert_eq!(said(0x2000), (DataType::UNSIGNED16, five.clone()), "derived twice");
+    assert_eq!(said(0x2001), (DataType::UNSIGNED8, five.clone()), "CHAR");
+    assert_eq!(said(0x2002), (DataType::UNSIGNED16, five.clone()), "a variable");
+    assert_eq!(said(0x2003), (DataType::INTEGER8, five), "a member of one");
+    assert_eq!(said(0x2004), (DataType(0), None), "it refers to itself");
+}
+
 #[test]
 fn habits_of_editors_are_told() {
     let found = texts(&read(HABITS.as_bytes()));
@@ -321,4 +337,40 @@ const TEMPLATES: &str = r#"<ISO15745ProfileContainer>
 <CANopenObject index="2000" name="A" objectType="7" uniqueIDRef="A"/>
 <CANopenObject index="2001" name="B" objectType="7" uniqueIDRef="B"/>
 <CANopenObject index="2002" name="C" objectType="7" uniqueIDRef="C"/>
+</ISO15745ProfileContainer>"#;
+
+const TYPES: &str = r#"<ISO15745ProfileContainer>
+<dataTypeList>
+  <derived uniqueID="Once"><dataTypeIDRef uniqueIDRef="Twice"/></derived>
+  <derived uniqueID="Twice"><UINT/></derived>
+  <derived uniqueID="Here"><dataTypeIDRef uniqueIDRef="There"/></derived>
+  <derived uniqueID="There"><dataTypeIDRef uniqueIDRef="Here"/></derived>
+  <struct uniqueID="Pair"><varDeclaration uniqueID="Left"><SINT/></varDeclaration></struct>
+</dataTypeList>
+<functionTypeList><functionType uniqueID="F"><interfaceList><outputVars>
+  <varDeclaration uniqueID="Out"><dataTypeIDRef uniqueIDRef="Once"/></varDeclaration>
+  <varDeclaration uniqueID="Both"><dataTypeIDRef uniqueIDRef="Pair"/></varDeclaration>
+</outputVars></interfaceList></functionType></functionTypeList>
+<functionInstanceList><functionInstance uniqueID="F1" typeIDRef="F"/></functionInstanceList>
+<parameterList>
+  <parameter uniqueID="A"><dataTypeIDRef uniqueIDRef="Once"/><defaultValue value="5"/></parameter>
+  <parameter uniqueID="B"><CHAR/><defaultValue value="5"/></parameter>
+  <parameter uniqueID="C">
+    <variableRef><instanceIDRef uniqueIDRef="F1"/><variableIDRef uniqueIDRef="Out"/></variableRef>
+    <defaultValue value="5"/>
+  </parameter>
+  <parameter uniqueID="D">
+    <variableRef>
+      <instanceIDRef uniqueIDRef="F1"/><variableIDRef uniqueIDRef="Both"/>
+      <memberRef uniqueIDRef="Left"/>
+    </variableRef>
+    <defaultValue value="5"/>
+  </parameter>
+  <parameter uniqueID="E"><dataTypeIDRef uniqueIDRef="Here"/><defaultValue value="5"/></parameter>
+</parameterList>
+<CANopenObject index="2000" name="A" objectType="7" uniqueIDRef="A"/>
+<CANopenObject index="2001" name="B" objectType="7" uniqueIDRef="B"/>
+<CANopenObject index="2002" name="C" objectType="7" uniqueIDRef="C"/>
+<CANopenObject index="2003" name="D" objectType="7" uniqueIDRef="D"/>
+<CANopenObject index="2004" name="E" objectType="7" uniqueIDRef="E"/>
 </ISO15745ProfileContainer>"#;

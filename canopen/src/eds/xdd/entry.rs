@@ -124,20 +124,41 @@ impl<'d, 'i> Scribe<'d, 'i, '_> {
         keys
     }
 
-    /// The basic type of a parameter, also behind the name of a derived one.
+    /// The basic type of a parameter, also behind the names of derived types and of variables.
     fn data_type(
         &self,
         node: Node<'d, 'i>,
         shared: &mut Shared<'d, 'i>,
     ) -> Option<(Node<'d, 'i>, u16)> {
-        let named = || {
-            let reference = node.children().find(|it| is(it, "dataTypeIDRef"))?;
-            let name = reference.attribute("uniqueIDRef")?;
-            let derived = || self.referred.get(name).copied().and_then(basic);
-            *shared.types.entry(name).or_insert_with(derived)
+        let (mut at, mut through) = (node, Vec::new());
+        let found = loop {
+            if let Some(found) = basic(at) {
+                break Some(found);
+            }
+            let Some(name) = type_reference(at) else { break None };
+            if let Some(known) = shared.types.get(name) {
+                break *known;
+            }
+            // A type that refers to itself is none.
+            shared.types.insert(name, None);
+            through.push(name);
+            let Some(next) = self.referred.get(name) else { break None };
+            at = *next;
         };
-        basic(node).or_else(named)
+        shared.types.extend(through.into_iter().map(|name| (name, found)));
+        found
     }
+}
+
+/// What has the type of an element: a data type, or the variable of a function, or a member of that
+/// variable.
+fn type_reference<'d>(node: Node<'d, '_>) -> Option<&'d str> {
+    let variable = node.children().find(|it| is(it, "variableRef"));
+    let mut named = node.children().filter(|it| is(it, "dataTypeIDRef"));
+    let of_variable = variable.into_iter().flat_map(|it| it.children());
+    let members = of_variable.filter(|it| is(it, "variableIDRef") || is(it, "memberRef"));
+    let innermost = members.filter_map(|it| it.attribute("uniqueIDRef")).next_back();
+    named.find_map(|it| it.attribute("uniqueIDRef")).or(innermost)
 }
 
 /// What an object does not say itself.
@@ -226,9 +247,11 @@ fn access(text: &str) -> String {
     .to_owned()
 }
 
-/// The elements of IEC 61131-3 and the codes of CiA 301.
-const TYPES: [(&str, u16); 18] = [
+/// The elements of IEC 61131-3 and the codes of CiA 301. A `CHAR` is a character of one byte, which
+/// CiA 301 counts as UNSIGNED8 in a string (7.1.6); the editor of CANopenNode takes INTEGER8.
+const TYPES: [(&str, u16); 19] = [
     ("BOOL", 0x01),
+    ("CHAR", 0x05),
     ("SINT", 0x02),
     ("INT", 0x03),
     ("DINT", 0x04),
