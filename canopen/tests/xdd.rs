@@ -198,6 +198,22 @@ fn a_type_is_found_behind_other_names() {
 }
 
 #[test]
+fn a_data_type_that_is_none_is_told_where_it_belongs() {
+    let found = |text: &str| {
+        let found = texts(&read(text.as_bytes()));
+        found.into_iter().filter(|it| it.contains("[eds-data-type-missing]")).collect::<Vec<_>>()
+    };
+    let absent = SPARSE.replace(r#"dataType="05" accessType="ro"/>"#, r#"accessType="ro"/>"#);
+    assert_eq!(found(&absent), ["8:1: error: 1001:00 has no DataType [eds-data-type-missing]"]);
+    let zero = SPARSE.replace(r#"dataType="05" accessType="ro""#, r#"dataType="0000""#);
+    let said = "8:76: error: 1001:00: DataType 0x0000 is no data type [eds-data-type-missing]";
+    assert_eq!(found(&zero), [said]);
+    let indented =
+        absent.replace(r#"<CANopenObject index="1001""#, r#"  <CANopenObject index="1001""#);
+    assert_eq!(found(&indented), ["8:3: error: 1001:00 has no DataType [eds-data-type-missing]"]);
+}
+
+#[test]
 fn habits_of_editors_are_told() {
     let found = texts(&read(HABITS.as_bytes()));
     let codes = ["[eds-no-access]", "[eds-disabled]", "[eds-syntax]"];

@@ -120,6 +120,7 @@ impl Lint<'_, '_, '_> {
             .or_else(|| self.place(short, Some(&sub.to_string())).filter(|_| key == DEFAULT))
             .or_else(|| self.module_place(entry.line, key))
             .or_else(|| self.place(head, Some(key)))
+            .or_else(|| self.place(head, None))
             .unwrap_or_else(|| Place::of_line(entry.line))
     }
 
@@ -132,10 +133,22 @@ impl Lint<'_, '_, '_> {
         Some(section.key(key).map_or(section.at, |key| key.at))
     }
 
+    /// What the sheet says as `key` of an entry.
+    fn entry_text(&self, entry: &Entry, key: &str) -> Option<&str> {
+        let Mux { index, sub } = entry.mux;
+        let section = self.section(Name::Object(index, Part::Sub(sub)));
+        let section = section.or_else(|| self.section(Name::Object(index, Part::Head)))?;
+        section.filled(key).map(|key| key.value)
+    }
+
+    fn section(&self, name: Name) -> Option<&Section<'_>> {
+        let place = self.sections.binary_search_by_key(&name, |section| section.name).ok()?;
+        Some(&self.sections[place])
+    }
+
     /// Where a section starts, or where the value of one of its keys does.
     fn place(&self, name: Name, key: Option<&str>) -> Option<Place> {
-        let place = self.sections.binary_search_by_key(&name, |section| section.name).ok()?;
-        let section = &self.sections[place];
+        let section = self.section(name)?;
         match key {
             None => Some(section.at),
             Some(key) => section.key(key).map(|key| key.at),

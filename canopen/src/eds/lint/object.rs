@@ -101,7 +101,10 @@ impl Lint<'_, '_, '_> {
             return;
         }
         if data_type.0 == 0 {
-            let message = format!("{} has no DataType", entry.mux);
+            let message = match self.entry_text(entry, "DataType") {
+                Some(text) => format!("{}: DataType {text} is no data type", entry.mux),
+                None => format!("{} has no DataType", entry.mux),
+            };
             return self.add_at(&codes::DATA_TYPE_MISSING, entry, "DataType", message);
         }
         let message =
