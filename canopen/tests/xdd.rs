@@ -258,6 +258,19 @@ fn xml_that_is_none_or_of_something_else_is_one_finding() {
     }
 }
 
+#[test]
+fn utf_16_is_read_with_its_mark_and_without() {
+    let bytes: Vec<u8> = SPARSE.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let expected = read(SPARSE.as_bytes()).eds;
+    let reading = read(&bytes);
+    let found = "1:1: note: the file is UTF-16 and does not start with a byte order mark \
+                 [eds-encoding]";
+    assert_eq!(texts(&reading), [found]);
+    assert_eq!(reading.eds, expected);
+    let reading = read(&[&[0xFF, 0xFE], &*bytes].concat());
+    assert_eq!((texts(&reading), reading.eds), (vec![], expected));
+}
+
 /// What grows faster than the text is refused, whatever it says.
 #[test]
 fn xml_that_is_too_much_is_one_finding() {

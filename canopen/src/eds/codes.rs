@@ -47,7 +47,8 @@ macro_rules! codes {
 codes! {
     // The text
     ENCODING = Note, "eds-encoding",
-        "The file is plain ASCII; UTF-8, UTF-16, Latin-1 and code page 850 are decoded.";
+        "The file is plain ASCII, and XML in UTF-16 starts with a byte order mark; UTF-8, UTF-16, \
+         Latin-1 and code page 850 are decoded.";
     BYTE_ORDER_MARK = Note, "eds-byte-order-mark", "The file starts without a byte order mark.";
     LINE_END = Note, "eds-line-end", "Lines end with CR and LF.";
     SYNTAX = Error, "eds-syntax",

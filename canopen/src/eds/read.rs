@@ -60,8 +60,12 @@ pub fn read_with_modules(source: &[u8], connected: Option<&[u16]>) -> Reading {
     let text = text::decode_with(source, &mut findings);
     let transcript;
     let sections = if xdd::is_xml(&text) {
-        // Whatever the encoding, XML may have it.
+        // Whatever the encoding, XML may have it, but UTF-16 needs its mark (XML 1.0, 4.3.3).
         findings = Findings::default();
+        if text::is_unmarked_utf16(source) {
+            let message = "the file is UTF-16 and does not start with a byte order mark";
+            findings.add(&codes::ENCODING, Place::new(1, 1), message);
+        }
         transcript = Transcript::of(&text, &mut findings);
         if transcript.is_empty() {
             return Reading { diagnostics: findings.finish(), ..Reading::default() };

@@ -16,6 +16,8 @@ pub(super) fn decode_with<'a>(source: &'a [u8], findings: &mut Findings) -> Cow<
     let text = match source {
         [0xFF, 0xFE, rest @ ..] => utf16(rest, u16::from_le_bytes, findings),
         [0xFE, 0xFF, rest @ ..] => utf16(rest, u16::from_be_bytes, findings),
+        [0, ..] if is_unmarked_utf16(source) => utf16(source, u16::from_be_bytes, findings),
+        _ if is_unmarked_utf16(source) => utf16(source, u16::from_le_bytes, findings),
         [0xEF, 0xBB, 0xBF, rest @ ..] => {
             findings.add(&codes::BYTE_ORDER_MARK, START, "the file starts with a byte order mark");
             bytes(rest, findings)
@@ -23,6 +25,12 @@ pub(super) fn decode_with<'a>(source: &'a [u8], findings: &mut Findings) -> Cow<
         _ => bytes(source, findings),
     };
     with_line_feeds(text, findings)
+}
+
+/// Whether a text is UTF-16 without a byte order mark: it starts with a character of ASCII, as a
+/// sheet does (XML 1.0, appendix F).
+pub(super) const fn is_unmarked_utf16(source: &[u8]) -> bool {
+    matches!(source, [1..0x80, 0, ..] | [0, 1..0x80, ..])
 }
 
 fn utf16<'a>(bytes: &[u8], unit: fn([u8; 2]) -> u16, findings: &mut Findings) -> Cow<'a, str> {
@@ -134,7 +142,9 @@ mod tests {
     #[test]
     fn every_encoding_gives_the_same_text() {
         let text = "a\r\nTemperatur F\u{FC}hler 25 \u{B0}C\r\n";
-        let cases: [(&[u8], &[&str]); 5] = [
+        let units = |bytes: fn(u16) -> [u8; 2]| text.encode_utf16().flat_map(bytes).collect();
+        let (little, big): (Vec<u8>, Vec<u8>) = (units(u16::to_le_bytes), units(u16::to_be_bytes));
+        let cases: [(&[u8], &[&str]); 7] = [
             (text.as_bytes(), &["2:13 eds-encoding"]),
             (b"a\r\nTemperatur F\xFChler 25 \xB0C\r\n", &["2:13 eds-encoding"]),
             (b"a\r\nTemperatur F\x81hler 25 \xF8C\r\n", &["2:13 eds-encoding"]),
@@ -142,13 +152,9 @@ mod tests {
                 b"\xEF\xBB\xBFa\r\nTemperatur F\xC3\xBChler 25 \xC2\xB0C\r\n",
                 &["1:1 eds-byte-order-mark", "2:13 eds-encoding"],
             ),
-            (
-                &text.encode_utf16().fold(vec![0xFF, 0xFE], |mut all, unit| {
-                    all.extend(unit.to_le_bytes());
-                    all
-                }),
-                &["1:1 eds-encoding"],
-            ),
+            (&[&[0xFF, 0xFE], &*little].concat(), &["1:1 eds-encoding"]),
+            (&little, &["1:1 eds-encoding"]),
+            (&big, &["1:1 eds-encoding"]),
         ];
         for (bytes, expected) in cases {
             let (decoded, codes) = codes_of(bytes);
