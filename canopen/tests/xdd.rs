@@ -213,6 +213,33 @@ fn a_data_type_that_is_none_is_told_where_it_belongs() {
     assert_eq!(found(&indented), ["8:3: error: 1001:00 has no DataType [eds-data-type-missing]"]);
 }
 
+/// The bit rates of CiA 311 have units.
+#[test]
+fn bit_rates_and_node_ids_are_those_of_can() {
+    let rates = "<supportedBaudRate value='1 Mbps'/><supportedBaudRate value='125 Kbps'/>\
+                 <supportedBaudRate value='auto-baudRate'/><supportedBaudRate value='fast'/>";
+    let commissioned = |nodes: &str, rate: &str| {
+        format!("<deviceCommissioning nodeID='{nodes}' actualBaudRate='{rate}'/></ProfileBody>")
+    };
+    let read = |nodes, rate| {
+        let text =
+            SPARSE.replace("</ProfileBody>", &(rates.to_owned() + &commissioned(nodes, rate)));
+        read(text.as_bytes())
+    };
+    assert_eq!(read("5", "").eds.device.bit_rates, [125, 1000]);
+    let found = |nodes, rate| {
+        let found = texts(&read(nodes, rate));
+        found.into_iter().filter(|it| !it.contains("[eds-dcf]")).collect::<Vec<_>>()
+    };
+    let fast = "24:141: note: \"fast\" is not a bit rate like \"125 Kbps\" [eds-bit-rate]";
+    assert_eq!(found("005", "125 Kbps"), [fast]);
+    assert_eq!(found("", ""), [fast], "nothing is said");
+    let node = "24:177: warning: NodeID: \"0\" is not a node id from 1 to 127 [eds-commissioning]";
+    let rate = "24:196: warning: Baudrate: \"1 kHz\" is not a bit rate of CiA 301 in kbit/s \
+                [eds-commissioning]";
+    assert_eq!(found("0", "1 kHz"), [fast, node, rate]);
+}
+
 #[test]
 fn habits_of_editors_are_told() {
     let found = texts(&read(HABITS.as_bytes()));

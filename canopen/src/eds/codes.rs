@@ -104,6 +104,8 @@ codes! {
     DATE = Warning, "eds-date", "Dates read like 12-31-2024 and times like 11:59PM.";
     DEVICE_INFO = Warning, "eds-device-info", "DeviceInfo says all it must.";
     BIT_RATE = Note, "eds-bit-rate", "BaudRate keys name the bit rates that CiA 301 knows.";
+    COMMISSIONING = Warning, "eds-commissioning",
+        "DeviceComissioning has a node id from 1 to 127 and a bit rate of CiA 301.";
     DUMMY = Warning, "eds-dummy", "DummyUsage names Dummy0001 to Dummy0007, or is absent.";
     LINES = Warning, "eds-lines", "Lines counts the comment lines, which are numbered from 1.";
 

@@ -124,6 +124,17 @@ pub(super) fn without_comment(text: &str) -> &str {
     comment.map_or(text, |at| text[..at].trim_ascii_end())
 }
 
+/// The bit rate that `text` is, in kbit/s, which CiA 306 writes as `125` and CiA 311 as `125 Kbps`.
+pub(super) fn bit_rate(text: &str) -> Option<u32> {
+    let unit = text.trim_start_matches(|c: char| c.is_ascii_digit());
+    let number = text[..text.len() - unit.len()].parse::<u32>().ok()?;
+    match unit.trim_start().as_bytes() {
+        [] | [b'k' | b'K', ..] => Some(number),
+        [b'M', ..] => number.checked_mul(1000),
+        _ => None,
+    }
+}
+
 /// No type has a number of more digits.
 const MANY_DIGITS: usize = 30;
 
@@ -189,6 +200,22 @@ mod tests {
         }
         for text in ["$NODE", "$NODEID+", "$NODEID-1", "2*$NODEID", "$NODEID+$NODEID", "$"] {
             assert_eq!(Sum::parse(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn bit_rates() {
+        for (text, rate) in [
+            ("125", Some(125)),
+            ("0800 Kbps", Some(800)),
+            ("250kbit/s", Some(250)),
+            ("1 Mbps", Some(1000)),
+            ("5000000 Mbps", None),
+            ("auto-baudRate", None),
+            ("125 bananas", None),
+            ("", None),
+        ] {
+            assert_eq!(bit_rate(text), rate, "{text}");
         }
     }
 

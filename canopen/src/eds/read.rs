@@ -160,6 +160,7 @@ impl Reader {
     fn other(&mut self, section: &Section<'_>) {
         let title = section.title;
         let (code, message) = if is_one_of(title, &COMMISSIONING) {
+            self.commissioning(section);
             (&codes::DCF, format!("section [{title}] is for a configured device (DCF, XDC)"))
         } else if is_one_of(title, &KNOWN_OTHERS) || is_tool(title) {
             return self.keep(title.to_owned(), section.keys.iter());

@@ -15,6 +15,7 @@ use roxmltree::{Attribute, Document, Node};
 use super::codes;
 use super::diagnostic::Findings;
 use super::ini::{self, Key, List, Name, Section};
+use super::number;
 use crate::source::{Lines, Place};
 use entry::Parameter;
 
@@ -299,18 +300,22 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
         }
     }
 
-    /// `125 Kbps` as `BaudRate_125=1`.
-    fn bit_rates(&self) -> Vec<Line> {
+    /// `125 Kbps` as `BaudRate_125=1`. That a device finds out the bit rate has no key.
+    fn bit_rates(&mut self) -> Vec<Line> {
         let rates = self.root.descendants().filter(|it| is(it, "supportedBaudRate"));
-        let values = rates.filter_map(|it| it.attributes().find(|it| it.name() == "value"));
-        let line = |value: Attribute<'_, '_>| {
-            let digits = value.value().split_ascii_whitespace().next()?;
-            digits
-                .bytes()
-                .all(|it| it.is_ascii_digit())
-                .then(|| self.line(&format!("BaudRate_{digits}"), value, "1"))
-        };
-        values.filter_map(line).collect()
+        let mut keys = Vec::new();
+        for value in rates.filter_map(|it| it.attribute_node("value")) {
+            match (number::bit_rate(value.value().trim()), value.value()) {
+                (Some(rate), _) => keys.push(self.line(&format!("BaudRate_{rate}"), value, "1")),
+                (None, "auto-baudRate") => {}
+                (None, other) => {
+                    let message = format!("{other:?} is not a bit rate like \"125 Kbps\"");
+                    let at = self.lines.at(value.range_value().start);
+                    self.findings.add(&codes::BIT_RATE, at, message);
+                }
+            }
+        }
+        keys
     }
 
     /// `<dummy entry="Dummy0005=1"/>`; a dummy that is not named is none.
@@ -544,7 +549,7 @@ const DUMMIES: [&str; 7] =
 const MASTER: &[Told] = &[("bootUpMaster", "SimpleBootUpMaster", truth)];
 
 const COMMISSIONING: &[Told] = &[
-    ("nodeID", "NodeID", as_is),
+    ("nodeID", "NodeID", decimal),
     ("nodeName", "NodeName", as_is),
     ("actualBaudRate", "Baudrate", as_is),
     ("networkNumber", "NetNumber", as_is),

@@ -5,6 +5,7 @@ use crate::eds::codes;
 use crate::eds::diagnostic::Findings;
 use crate::eds::ini::Section;
 use crate::eds::model::{DeviceInfo, FileInfo};
+use crate::eds::number::{Number, bit_rate};
 use crate::eds::value;
 
 impl Reader {
@@ -142,6 +143,19 @@ impl Reader {
         }
     }
 
+    /// Checks what a configuration says; it is kept as it stands.
+    pub(super) fn commissioning(&mut self, section: &Section<'_>) {
+        let mut check = |name: &str, is_valid: fn(&str) -> bool, wanted: &str| {
+            let Some(key) = section.filled(name) else { return };
+            if !is_valid(value::typed(key, &mut self.findings)) {
+                let message = format!("{name}: {:?} is not {wanted}", key.value);
+                self.findings.add(&codes::COMMISSIONING, key.at, message);
+            }
+        };
+        check("NodeID", is_node_id, "a node id from 1 to 127");
+        check("Baudrate", is_bit_rate, "a bit rate of CiA 301 in kbit/s");
+    }
+
     pub(super) fn comments(&mut self, section: &Section<'_>) {
         let (lines, kept) = self.comment_lines(section);
         self.eds.comments = lines;
@@ -217,6 +231,15 @@ fn numbered(name: &str, word: &str) -> Option<u32> {
     let (start, number) = name.split_at_checked(word.len())?;
     let digits = start.eq_ignore_ascii_case(word) && number.bytes().all(|b| b.is_ascii_digit());
     digits.then(|| number.parse().ok()).flatten()
+}
+
+fn is_node_id(text: &str) -> bool {
+    Number::parse(text).is_some_and(|number| (1..=127).contains(&number.value))
+}
+
+fn is_bit_rate(text: &str) -> bool {
+    let number = Number::parse(text).and_then(|number| number.value.try_into().ok());
+    number.or_else(|| bit_rate(text)).is_some_and(|rate| BIT_RATES.contains(&rate))
 }
 
 /// Whether `text` is like `shape`, where 0 stands for a digit and AM for AM or PM.
