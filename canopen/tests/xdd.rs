@@ -240,6 +240,21 @@ fn bit_rates_and_node_ids_are_those_of_can() {
     assert_eq!(found("0", "1 kHz"), [fast, node, rate]);
 }
 
+/// One finding for each, whatever it says.
+#[test]
+fn of_two_objects_the_first_one_counts() {
+    let expected = read(SPARSE.as_bytes()).eds;
+    for (line, found) in [
+        (9, "9:93: error: object 1017h already exists at 9:1; the first one counts"),
+        (12, "12:96: error: 1018:01 already exists at 12:3; the first one counts"),
+    ] {
+        let element = SPARSE.lines().nth(line - 1).unwrap().trim_start();
+        let reading = read(SPARSE.replace(element, &format!("{element} {element}")).as_bytes());
+        assert_eq!(texts(&reading), [format!("{found} [eds-duplicate-section]")]);
+        assert_eq!(reading.eds, expected);
+    }
+}
+
 #[test]
 fn habits_of_editors_are_told() {
     let found = texts(&read(HABITS.as_bytes()));

@@ -57,7 +57,8 @@ codes! {
     COMMENT = Note, "eds-comment",
         "A comment starts with a semicolon at the start of its line; others are cut off.";
     DUPLICATE_SECTION = Error, "eds-duplicate-section",
-        "A section stands once; a second one adds what the first did not say.";
+        "A section stands once; a second one adds what the first did not say. Of two objects of an \
+         XDD the first one counts.";
     DUPLICATE_KEY = Error, "eds-duplicate-key", "A key stands once; the first one counts.";
     MISSING_SECTION = Error, "eds-missing-section",
         "FileInfo, DeviceInfo and MandatoryObjects are there.";

@@ -4,6 +4,7 @@
 //! What CiA 311 says besides, such as labels in several languages, is not read. Keys that it lacks
 //! and CiA 306 demands get the value that means nothing.
 
+mod check;
 mod entry;
 mod limits;
 mod write;
@@ -141,6 +142,7 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
     fn everything(&mut self) {
         self.read_parameters();
         self.leave_out_disabled();
+        self.leave_out_second_objects();
         self.file_info();
         self.device_info();
         self.dummy_usage();
@@ -368,7 +370,12 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
         let Some(index) = self.number(object, "index", 0xFFFF) else { return };
         let (at, keys) = (self.place(object), self.entry(object));
         self.section(format!("{index:04X}"), at).keys = keys;
-        for sub in object.children().filter(|it| is(it, "CANopenSubObject")) {
+        let (subs, seconds) = entry::subs(object);
+        for [first, second] in seconds {
+            let sub = second.attribute("subIndex").and_then(entry::hex).unwrap_or_default();
+            self.second(first, second, &format!("{index:04X}:{sub:02X}"));
+        }
+        for sub in subs {
             let Some(number) = self.number(sub, "subIndex", 0xFF) else { continue };
             let (at, keys) = (self.place(sub), self.entry(sub));
             self.section(format!("{index:04X}sub{number:X}"), at).keys = keys;

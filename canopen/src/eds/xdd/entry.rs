@@ -5,6 +5,7 @@ use std::collections::{HashMap, HashSet};
 
 use roxmltree::Node;
 
+use super::check::by_number;
 use super::{Line, Scribe, Told, as_is, decimal, fill, is, supply, truth};
 use crate::value::DataType;
 
@@ -44,17 +45,17 @@ impl<'d, 'i> Scribe<'d, 'i, '_> {
     }
 
     pub(super) fn entry(&self, node: Node<'d, 'i>) -> Vec<Line> {
-        let subs = || node.children().filter(|it| is(it, "CANopenSubObject"));
+        let (subs, _) = subs(node);
         let mut keys = self.attributes(node, ATTRIBUTES);
-        if subs().next().is_none() {
+        if subs.is_empty() {
             if let Some(parameter) = self.parameter_of(node) {
                 add_parameter(&mut keys, parameter);
             }
             self.mapping(node, &mut keys);
         } else {
-            supply(&mut keys, [("SubNumber", subs().count())], self.place(node));
+            supply(&mut keys, [("SubNumber", subs.len())], self.place(node));
             // What is said about an array or a record as a whole is no value.
-            let has_first = subs().any(|it| it.attribute("subIndex").and_then(hex) == Some(0));
+            let has_first = subs.iter().any(|it| it.attribute("subIndex").and_then(hex) == Some(0));
             match has_first {
                 true => keys.retain(|line| !OF_VALUES.contains(&line.name.as_str())),
                 false => self.mapping(node, &mut keys),
@@ -148,6 +149,11 @@ impl<'d, 'i> Scribe<'d, 'i, '_> {
         shared.types.extend(through.into_iter().map(|name| (name, found)));
         found
     }
+}
+
+/// The sub-objects of an object, as [`by_number`] tells them apart.
+pub(super) fn subs<'d, 'i>(object: Node<'d, 'i>) -> (Vec<Node<'d, 'i>>, Vec<[Node<'d, 'i>; 2]>) {
+    by_number(object.children().filter(|it| is(it, "CANopenSubObject")), "subIndex")
 }
 
 /// What has the type of an element: a data type, or the variable of a function, or a member of that
