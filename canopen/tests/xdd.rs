@@ -256,6 +256,48 @@ fn of_two_objects_the_first_one_counts() {
 }
 
 #[test]
+fn identifiers_are_there_and_stand_once() {
+    let text = TEMPLATES.replace(r#"uniqueIDRef="B""#, r#"uniqueIDRef="X""#);
+    let text = text.replace(r#"templateIDRef="Slow"/></"#, r#"templateIDRef=""/></"#);
+    let text = text.replace("<UINT/>", r#"<dataTypeIDRef uniqueIDRef="T"/>"#);
+    let again = r#"<parameter uniqueID="A"><SINT/></parameter></parameterList>"#;
+    let reading = read(text.replace("</parameterList>", again).as_bytes());
+    let found = texts(&reading);
+    let codes = ["[eds-reference]", "[eds-duplicate-key]"];
+    let of_ids = |text: &&String| codes.iter().any(|code| text.ends_with(code));
+    assert_eq!(
+        found.iter().filter(of_ids).collect::<Vec<_>>(),
+        [
+            "4:33: error: uniqueIDRef: no element has the uniqueID \"T\" [eds-reference]",
+            "15:42: error: templateIDRef: no element has the uniqueID \"Lost\" [eds-reference]",
+            "16:12: error: uniqueID \"A\" already exists at 11:3; the first one counts \
+             [eds-duplicate-key]",
+            "18:66: error: uniqueIDRef: no element has the uniqueID \"X\" [eds-reference]",
+        ]
+    );
+    let first = reading.eds.entry(Mux::new(0x2000, 0)).expect("it is described");
+    assert_eq!(first.access, Access::Rw, "not that of the second one");
+}
+
+#[test]
+fn attributes_that_cia_311_does_not_have_are_noted() {
+    let text = SPARSE
+        .replace("<CANopenObject ", r#"<CANopenObject PDOMapping="no" x:colour="red" "#)
+        .replace("<dummy ", r#"<dummy colour="red" "#)
+        .replace("<ISO15745ProfileContainer>", r#"<ISO15745ProfileContainer xmlns:x="y">"#)
+        .replace("</ProfileBody>", r#"<dummy xmlns="z" colour="red"/></ProfileBody>"#);
+    assert_eq!(
+        texts(&read(text.as_bytes())),
+        [
+            "7:16: note: attribute \"PDOMapping\" is not defined for CANopenObject; \
+             \"PDOmapping\" is (5 more like it) [eds-unknown-key]",
+            "23:20: note: attribute \"colour\" is not defined for dummy; it is left out \
+             [eds-unknown-key]",
+        ]
+    );
+}
+
+#[test]
 fn habits_of_editors_are_told() {
     let found = texts(&read(HABITS.as_bytes()));
     let codes = ["[eds-no-access]", "[eds-disabled]", "[eds-syntax]"];

@@ -59,7 +59,10 @@ codes! {
     DUPLICATE_SECTION = Error, "eds-duplicate-section",
         "A section stands once; a second one adds what the first did not say. Of two objects of an \
          XDD the first one counts.";
-    DUPLICATE_KEY = Error, "eds-duplicate-key", "A key stands once; the first one counts.";
+    DUPLICATE_KEY = Error, "eds-duplicate-key",
+        "A key stands once, and a uniqueID of an XDD; the first one counts.";
+    REFERENCE = Error, "eds-reference",
+        "uniqueIDRef and templateIDRef of an XDD name a uniqueID that there is.";
     MISSING_SECTION = Error, "eds-missing-section",
         "FileInfo, DeviceInfo and MandatoryObjects are there.";
     SECTION_SPELLING = Note, "eds-section-spelling",
@@ -67,7 +70,8 @@ codes! {
     UNKNOWN_SECTION = Note, "eds-unknown-section",
         "Sections have a meaning in CiA 306; others are kept as they are.";
     UNKNOWN_KEY = Note, "eds-unknown-key",
-        "Keys have a meaning in CiA 306; others are kept as they are.";
+        "Keys have a meaning in CiA 306; others are kept as they are. Attributes have one in CiA \
+         311; others are left out.";
     DCF = Note, "eds-dcf",
         "What belongs into a device configuration file is kept and does not change a default.";
 

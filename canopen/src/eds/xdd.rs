@@ -120,12 +120,15 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
         let mut containers = document.descendants().filter(|it| is(it, "ISO15745ProfileContainer"));
         let root = containers.next().unwrap_or_else(|| document.root());
         let elements = root.descendants().filter(Node::is_element);
-        let referred = elements.clone().filter_map(|it| Some((it.attribute("uniqueID")?, it)));
+        let mut referred = HashMap::new();
+        for (id, node) in elements.clone().filter_map(|it| Some((it.attribute("uniqueID")?, it))) {
+            referred.entry(id).or_insert(node);
+        }
         let scribe = Self {
             root,
             lines: Lines::of(document.input_text()),
             objects: elements.clone().filter(|it| is(it, "CANopenObject")).collect(),
-            referred: referred.collect(),
+            referred,
             parameters: HashMap::new(),
             sections: Vec::new(),
             findings,
@@ -140,6 +143,7 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
     }
 
     fn everything(&mut self) {
+        self.check_elements();
         self.read_parameters();
         self.leave_out_disabled();
         self.leave_out_second_objects();
@@ -373,7 +377,8 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
         let (subs, seconds) = entry::subs(object);
         for [first, second] in seconds {
             let sub = second.attribute("subIndex").and_then(entry::hex).unwrap_or_default();
-            self.second(first, second, &format!("{index:04X}:{sub:02X}"));
+            let (name, at) = (format!("{index:04X}:{sub:02X}"), self.place(second));
+            self.second(&codes::DUPLICATE_SECTION, &name, first, at);
         }
         for sub in subs {
             let Some(number) = self.number(sub, "subIndex", 0xFF) else { continue };

@@ -217,7 +217,7 @@ fn of_digits(text: &str) -> String {
 }
 
 /// `PDOmapping` is told by [`Scribe::mapping`].
-const ATTRIBUTES: &[Told] = &[
+pub(super) const ATTRIBUTES: &[Told] = &[
     ("name", "ParameterName", as_is),
     ("objectType", "ObjectType", decimal),
     ("dataType", "DataType", of_digits),
@@ -239,7 +239,7 @@ const OF_VALUES: [&str; 6] =
 
 const MAY_BE_EMPTY: [&str; 4] = ["LowLimit", "HighLimit", "ParameterValue", "Denotation"];
 
-const PARAMETER: &[Told] = &[("access", "AccessType", access)];
+pub(super) const PARAMETER: &[Told] = &[("access", "AccessType", access)];
 
 fn access(text: &str) -> String {
     match text {
