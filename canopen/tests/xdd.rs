@@ -279,6 +279,55 @@ fn identifiers_are_there_and_stand_once() {
     assert_eq!(first.access, Access::Rw, "not that of the second one");
 }
 
+/// What is mapped into a TPDO. The words are those of the XML, and PDOmapping counts.
+#[test]
+fn directions_of_pdos_are_told_in_words_of_cia_311() {
+    let mapped =
+        "1A00:01: 2000:00 is not for TPDOs, by its PDOmapping or the access of its parameter";
+    for (attributes, access, expected) in [
+        (r#"accessType="rw" PDOmapping="TPDO""#, Access::Rwr, vec![]),
+        (r#"accessType="rw" PDOmapping="RPDO""#, Access::Rww, vec![mapped]),
+        (
+            r#"accessType="ro" PDOmapping="RPDO""#,
+            Access::Ro,
+            vec!["PDOmapping RPDO contradicts accessType ro"],
+        ),
+        (
+            r#"uniqueIDRef="Wo" PDOmapping="TPDO""#,
+            Access::Wo,
+            vec![
+                "PDOmapping TPDO contradicts access write of the parameter",
+                "1A00:01: 2000:00 has access type wo, which is not for TPDOs",
+            ],
+        ),
+        (
+            r#"uniqueIDRef="Out" PDOmapping="TPDO""#,
+            Access::Rwr,
+            vec!["PDOmapping TPDO contradicts access readWriteOutput of the parameter"],
+        ),
+        (r#"uniqueIDRef="No" PDOmapping="RPDO""#, Access::None, vec![]),
+        (
+            r#"accessType="rw" PDOmapping="optional""#,
+            Access::Rw,
+            vec![
+                "access rw does not say for which PDOs the value is; PDOmapping TPDO or RPDO does, \
+                 or readWriteInput or readWriteOutput of a parameter",
+            ],
+        ),
+        (
+            r#"accessType="rww" PDOmapping="optional""#,
+            Access::Rww,
+            vec!["accessType rww is for an EDS; here it is rw with PDOmapping RPDO", mapped],
+        ),
+    ] {
+        let reading = read(MAPPED.replace("{}", attributes).as_bytes());
+        let found = reading.diagnostics.iter().filter(|it| it.code.ends_with("-direction"));
+        assert_eq!(found.map(|it| &*it.message).collect::<Vec<_>>(), expected, "{attributes}");
+        let entry = reading.eds.entry(Mux::new(0x2000, 0)).expect("it is described");
+        assert_eq!(entry.access, access, "{attributes}");
+    }
+}
+
 #[test]
 fn attributes_that_cia_311_does_not_have_are_noted() {
     let text = SPARSE
@@ -450,6 +499,18 @@ const TEMPLATES: &str = r#"<ISO15745ProfileContainer>
 <CANopenObject index="2000" name="A" objectType="7" uniqueIDRef="A"/>
 <CANopenObject index="2001" name="B" objectType="7" uniqueIDRef="B"/>
 <CANopenObject index="2002" name="C" objectType="7" uniqueIDRef="C"/>
+</ISO15745ProfileContainer>"#;
+
+const MAPPED: &str = r#"<ISO15745ProfileContainer>
+<parameterList>
+  <parameter uniqueID="Out" access="readWriteOutput"/>
+  <parameter uniqueID="Wo" access="write"/>
+  <parameter uniqueID="No" access="noAccess"/>
+</parameterList>
+<CANopenObject index="2000" name="Value" objectType="7" dataType="07" {}/>
+<CANopenObject index="1A00" name="Mapping" objectType="9">
+  <CANopenSubObject subIndex="01" name="1" dataType="07" accessType="rw" defaultValue="0x20000020"/>
+</CANopenObject>
 </ISO15745ProfileContainer>"#;
 
 const TYPES: &str = r#"<ISO15745ProfileContainer>

@@ -197,9 +197,11 @@ codes! {
     TRANSMISSION_TYPE = Error, "eds-transmission-type",
         "Transmission types are 0 to 240, 254, 255, and for TPDOs 252 and 253.";
     PDO_DIRECTION = Error, "eds-pdo-direction",
-        "The AccessType of a mapped object fits the direction: rwr for TPDOs, rww for RPDOs.";
+        "The AccessType of a mapped object fits the direction: rwr for TPDOs, rww for RPDOs. \
+         PDOmapping of an XDD does not contradict it.";
     MAPPING_DIRECTION = Warning, "eds-mapping-direction",
-        "The AccessType of a mappable object names its direction: rwr or rww.";
+        "The AccessType of a mappable object names its direction: rwr or rww. In an XDD the access \
+         of its parameter does, or PDOmapping.";
     MAPPING_OBJECT = Error, "eds-mapping-object",
         "A default mapping names objects that exist; dummies are in DummyUsage and for RPDOs.";
     MAPPING_ACCESS = Error, "eds-mapping-access", "An object mapped by default has PDOMapping=1.";

@@ -20,19 +20,24 @@ use crate::value::Value;
 /// columns; here a line is that of the section, and 0 if the data sheet comes from no file.
 pub fn lint(eds: &Eds) -> Vec<Diagnostic> {
     let mut findings = Findings::default();
-    check(eds, &[], &BTreeSet::new(), &mut findings);
+    check(eds, &Origin::default(), &mut findings);
     findings.finish()
 }
 
-/// Checks what was read from `sections`, which are sorted; none when it comes from no file. Modules
-/// may add the objects `of_modules`.
-pub(super) fn check(
-    eds: &Eds,
-    sections: &[Section<'_>],
-    of_modules: &BTreeSet<u16>,
-    findings: &mut Findings,
-) {
-    let mut lint = Lint { eds, sections, of_modules, findings };
+/// From what a data sheet was read; from nothing when it comes from no file.
+#[derive(Default)]
+pub(super) struct Origin<'s, 'a> {
+    /// Sorted.
+    pub(super) sections: &'s [Section<'a>],
+    /// The objects that modules may add.
+    pub(super) of_modules: BTreeSet<u16>,
+    /// Whether the sections are made of XML, which has other words.
+    pub(super) is_xml: bool,
+}
+
+/// Checks what was read.
+pub(super) fn check(eds: &Eds, origin: &Origin<'_, '_>, findings: &mut Findings) {
+    let mut lint = Lint { eds, origin, findings };
     lint.mandatory();
     lint.identity();
     for object in &eds.objects {
@@ -43,8 +48,7 @@ pub(super) fn check(
 
 struct Lint<'e, 's, 'a> {
     eds: &'e Eds,
-    sections: &'s [Section<'a>],
-    of_modules: &'s BTreeSet<u16>,
+    origin: &'s Origin<'s, 'a>,
     findings: &'s mut Findings,
 }
 
@@ -126,8 +130,9 @@ impl Lint<'_, '_, '_> {
 
     /// Where the section of a module in that line says `key`, or where it starts.
     fn module_place(&self, line: usize, key: &str) -> Option<Place> {
-        let first = self.sections.partition_point(|section| section.name < Name::SupportedModules);
-        let section = self.sections[first..]
+        let first =
+            self.origin.sections.partition_point(|section| section.name < Name::SupportedModules);
+        let section = self.origin.sections[first..]
             .iter()
             .find(|section| matches!(section.name, Name::Module(..)) && section.at.line == line)?;
         Some(section.key(key).map_or(section.at, |key| key.at))
@@ -142,8 +147,9 @@ impl Lint<'_, '_, '_> {
     }
 
     fn section(&self, name: Name) -> Option<&Section<'_>> {
-        let place = self.sections.binary_search_by_key(&name, |section| section.name).ok()?;
-        Some(&self.sections[place])
+        let place =
+            self.origin.sections.binary_search_by_key(&name, |section| section.name).ok()?;
+        Some(&self.origin.sections[place])
     }
 
     /// Where a section starts, or where the value of one of its keys does.

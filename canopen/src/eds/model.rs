@@ -230,6 +230,14 @@ impl Access {
     pub const fn writable(self) -> bool {
         !matches!(self, Self::Ro | Self::Const | Self::None)
     }
+
+    /// Whether PDOs of that direction may carry such a value: an RPDO writes it, a TPDO reads it.
+    pub const fn fits(self, direction: Direction) -> bool {
+        match direction {
+            Direction::Receive => matches!(self, Self::Wo | Self::Rw | Self::Rww | Self::None),
+            Direction::Transmit => !matches!(self, Self::Wo | Self::Rww),
+        }
+    }
 }
 
 /// Which way a PDO goes, seen from the device.
@@ -245,13 +253,7 @@ impl Entry {
     /// Whether the entry may be mapped into a PDO of that direction: it must be mappable, and the
     /// access type must allow to write it (RPDO) or to read it (TPDO), or be for PDOs alone.
     pub const fn maps_into(&self, direction: Direction) -> bool {
-        self.mappable
-            && match direction {
-                Direction::Receive => {
-                    matches!(self.access, Access::Wo | Access::Rw | Access::Rww | Access::None)
-                }
-                Direction::Transmit => !matches!(self.access, Access::Wo | Access::Rww),
-            }
+        self.mappable && self.access.fits(direction)
     }
 
     /// The default value's bytes for a node id; zeros of the type's length when the sheet names

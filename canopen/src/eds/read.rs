@@ -58,8 +58,9 @@ pub fn read(source: &[u8]) -> Reading {
 pub fn read_with_modules(source: &[u8], connected: Option<&[u16]>) -> Reading {
     let mut findings = Findings::default();
     let text = text::decode_with(source, &mut findings);
+    let is_xml = xdd::is_xml(&text);
     let transcript;
-    let sections = if xdd::is_xml(&text) {
+    let sections = if is_xml {
         // Whatever the encoding, XML may have it, but UTF-16 needs its mark (XML 1.0, 4.3.3).
         findings = Findings::default();
         if text::is_unmarked_utf16(source) {
@@ -91,7 +92,8 @@ pub fn read_with_modules(source: &[u8], connected: Option<&[u16]>) -> Reading {
     let (modules, of_modules) = reader.with_modules(&sections[modules..others], connected);
     reader.compact_pdos();
     reader.sort_unknown();
-    lint::check(&reader.eds, &sections, &of_modules, &mut reader.findings);
+    let origin = lint::Origin { sections: &sections, of_modules, is_xml };
+    lint::check(&reader.eds, &origin, &mut reader.findings);
     Reading { eds: reader.eds, modules, diagnostics: reader.findings.finish() }
 }
 

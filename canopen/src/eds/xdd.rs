@@ -375,6 +375,9 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
         let (at, keys) = (self.place(object), self.entry(object));
         self.section(format!("{index:04X}"), at).keys = keys;
         let (subs, seconds) = entry::subs(object);
+        if subs.is_empty() {
+            self.direction(object);
+        }
         for [first, second] in seconds {
             let sub = second.attribute("subIndex").and_then(entry::hex).unwrap_or_default();
             let (name, at) = (format!("{index:04X}:{sub:02X}"), self.place(second));
@@ -382,6 +385,7 @@ impl<'d, 'i, 'f> Scribe<'d, 'i, 'f> {
         }
         for sub in subs {
             let Some(number) = self.number(sub, "subIndex", 0xFF) else { continue };
+            self.direction(sub);
             let (at, keys) = (self.place(sub), self.entry(sub));
             self.section(format!("{index:04X}sub{number:X}"), at).keys = keys;
         }

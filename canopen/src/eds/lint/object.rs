@@ -26,8 +26,15 @@ impl Lint<'_, '_, '_> {
             self.limits(entry);
             if entry.mappable && entry.access == Access::Rw {
                 let at = self.entry_place(entry, "AccessType");
-                let message =
-                    "AccessType rw does not say for which PDOs the value is; rwr or rww does";
+                let message = match self.origin.is_xml {
+                    true => {
+                        "access rw does not say for which PDOs the value is; PDOmapping TPDO or \
+                         RPDO does, or readWriteInput or readWriteOutput of a parameter"
+                    }
+                    false => {
+                        "AccessType rw does not say for which PDOs the value is; rwr or rww does"
+                    }
+                };
                 self.findings.habit(&codes::MAPPING_DIRECTION, at, message);
             }
         }

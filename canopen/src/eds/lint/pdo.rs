@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use super::{DEFAULT, Lint};
 use crate::eds::codes;
 use crate::eds::ini::Name;
-use crate::eds::model::{Direction, Entry, Object, Term};
+use crate::eds::model::{Access, Direction, Entry, Object, Term};
 use crate::mux::Mux;
 use crate::pdo::{CobId, Mapping, holds_cob_id, is_restricted};
 use crate::source::Place;
@@ -164,7 +164,7 @@ impl<'e> Lint<'e, '_, '_> {
         }
         let Some(entry) = self.eds.entry(mux) else {
             // A device that has more modules has it.
-            if self.of_modules.contains(&mux.index) {
+            if self.origin.of_modules.contains(&mux.index) {
                 return;
             }
             let message = format!("{}: the mapped object {mux} does not exist", at.mux);
@@ -174,12 +174,17 @@ impl<'e> Lint<'e, '_, '_> {
             let message = format!("{}: the mapped object {mux} has PDOMapping=0", at.mux);
             self.add_at(&codes::MAPPING_ACCESS, at, DEFAULT, message);
         } else if !entry.maps_into(pdos.direction) {
-            let message = format!(
-                "{}: {mux} has access type {}, which is not for {}s",
-                at.mux,
-                entry.access.name(),
-                pdos.name
-            );
+            let (at_mux, name) = (at.mux, pdos.name);
+            let message = match entry.access {
+                Access::Rwr | Access::Rww if self.origin.is_xml => format!(
+                    "{at_mux}: {mux} is not for {name}s, by its PDOmapping or the access of its \
+                     parameter"
+                ),
+                other => format!(
+                    "{at_mux}: {mux} has access type {}, which is not for {name}s",
+                    other.name()
+                ),
+            };
             self.add_at(&codes::PDO_DIRECTION, at, DEFAULT, message);
         }
         let size = entry.data_type.size().map(|size| 8 * size);

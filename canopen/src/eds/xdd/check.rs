@@ -8,6 +8,7 @@ use roxmltree::{Attribute, Node};
 use super::entry::{ATTRIBUTES, PARAMETER, hex};
 use super::{COMMISSIONING, FILE, GENERAL, MASTER, Scribe, Told, is};
 use crate::eds::codes::{self, Code};
+use crate::eds::model::{Access, Direction};
 use crate::source::Place;
 
 impl<'d, 'i> Scribe<'d, 'i, '_> {
@@ -61,6 +62,32 @@ impl<'d, 'i> Scribe<'d, 'i, '_> {
             let message = format!("attribute {wrong:?} is not defined for {element}; {rest}");
             let at = self.lines.at(attribute.range().start);
             self.findings.habit(&codes::UNKNOWN_KEY, at, message);
+        }
+    }
+
+    /// Checks how a value says for which PDOs it is.
+    pub(super) fn direction(&mut self, node: Node<'d, 'i>) {
+        if let Some(access) = node.attribute_node("accessType")
+            && let wrong @ ("rwr" | "rww") = access.value().trim()
+        {
+            let mapping = if wrong == "rwr" { "TPDO" } else { "RPDO" };
+            let message = format!(
+                "accessType {wrong} is for an EDS; here it is rw with PDOmapping {mapping}"
+            );
+            let at = self.lines.at(access.range_value().start);
+            self.findings.habit(&codes::MAPPING_DIRECTION, at, message);
+        }
+        let Some(mapping) = node.attribute_node("PDOmapping") else { return };
+        let direction = match mapping.value().trim() {
+            "RPDO" => Direction::Receive,
+            "TPDO" => Direction::Transmit,
+            _ => return,
+        };
+        let Some((said, key)) = self.access(node) else { return };
+        if Access::named(key).is_some_and(|access| !access.fits(direction)) {
+            let message = format!("PDOmapping {} contradicts {said}", mapping.value());
+            let at = self.lines.at(mapping.range_value().start);
+            self.findings.add(&codes::PDO_DIRECTION, at, message);
         }
     }
 

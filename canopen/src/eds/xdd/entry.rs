@@ -66,7 +66,8 @@ impl<'d, 'i> Scribe<'d, 'i, '_> {
         keys
     }
 
-    /// A key says whether an object can be mapped; the access type has the direction.
+    /// A key says whether an object can be mapped; the access type has the direction. The attribute
+    /// is of this object, and a parameter is of any number of them.
     fn mapping(&self, node: Node<'d, 'i>, keys: &mut Vec<Line>) {
         let Some(attribute) = node.attribute_node("PDOmapping") else { return };
         let (mapped, access) = match attribute.value().trim() {
@@ -78,11 +79,23 @@ impl<'d, 'i> Scribe<'d, 'i, '_> {
         };
         let of_access = keys.iter_mut().find(|line| line.name == "AccessType");
         if let (Some(line), Some(access)) = (of_access, access)
-            && line.value == "rw"
+            && matches!(&*line.value, "rw" | "rwr" | "rww")
         {
             line.value = access.to_owned();
         }
         keys.push(self.line("PDOMapping", attribute, mapped));
+    }
+
+    /// How the access to a value is written, and its key in CiA 306.
+    pub(super) fn access(&self, node: Node<'d, 'i>) -> Option<(String, &str)> {
+        let own = node.attribute("accessType").map(str::trim).filter(|own| !own.is_empty());
+        if let Some(own) = own {
+            return Some((format!("accessType {own}"), own));
+        }
+        let keys = &self.parameter_of(node)?.keys;
+        let key = &*keys.iter().find(|line| line.name == "AccessType")?.value;
+        let (said, _) = ACCESS.iter().find(|(_, known)| *known == key)?;
+        Some((format!("access {said} of the parameter"), key))
     }
 
     fn parameter(&self, node: Node<'d, 'i>, shared: &mut Shared<'d, 'i>) -> Vec<Line> {
@@ -242,16 +255,19 @@ const MAY_BE_EMPTY: [&str; 4] = ["LowLimit", "HighLimit", "ParameterValue", "Den
 pub(super) const PARAMETER: &[Told] = &[("access", "AccessType", access)];
 
 fn access(text: &str) -> String {
-    match text {
-        "read" => "ro",
-        "write" => "wo",
-        "readWrite" => "rw",
-        "readWriteInput" => "rwr",
-        "readWriteOutput" => "rww",
-        other => other,
-    }
-    .to_owned()
+    let known = ACCESS.iter().find(|(said, _)| *said == text);
+    known.map_or(text, |(_, key)| key).to_owned()
 }
+
+/// What a parameter says of the access to it, and the key in CiA 306.
+const ACCESS: [(&str, &str); 6] = [
+    ("const", "const"),
+    ("read", "ro"),
+    ("write", "wo"),
+    ("readWrite", "rw"),
+    ("readWriteInput", "rwr"),
+    ("readWriteOutput", "rww"),
+];
 
 /// The elements of IEC 61131-3 and the codes of CiA 301. A `CHAR` is a character of one byte, which
 /// CiA 301 counts as UNSIGNED8 in a string (7.1.6); the editor of CANopenNode takes INTEGER8.
