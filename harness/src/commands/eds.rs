@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use canopen::eds::{self, Eds, Module, Severity};
+use canopen::eds::{self, Diagnostic, Eds, Module, Severity};
 use canopen::source::{Lines, Place};
 use runner::stop::Stop;
 use runner::suite::step::Step;
@@ -66,7 +66,7 @@ fn check(paths: &[PathBuf], modules: &Plugged) -> Result<Exit, Refused> {
         };
         let (report, exit) = report(path, &bytes, &reading, judges);
         let name = if paths.len() > 1 { format!("{}: ", path.display()) } else { String::new() };
-        say(&format!("{report}{name}{}\n", counts(&reading)));
+        say(&format!("{report}{name}{}\n", counts(&reading, judges)));
         worst = worst.max(exit);
     }
     Ok(worst)
@@ -153,15 +153,25 @@ fn around(lines: &Lines<'_>, at: Place) -> Option<(String, usize)> {
     })
 }
 
-/// How much there is, and what was found.
-fn counts(reading: &eds::Reading) -> String {
-    let count =
-        |severity| reading.diagnostics.iter().filter(|found| found.severity == severity).count();
+/// How much there is, and what was found. Cases fail on errors; where they fail on less, that is
+/// said, since the exit code is the same.
+fn counts(reading: &eds::Reading, judges: &BTreeMap<String, Judge>) -> String {
+    let found = |severity, name| {
+        let found = reading.diagnostics.iter().filter(|found| found.severity == severity);
+        let is_must = |found: &&Diagnostic| judges.get(found.code).is_some_and(|judge| judge.must);
+        let all = counted(found.clone().count(), name);
+        match found.filter(is_must).count() {
+            failing @ 1.. if severity < Severity::Error => {
+                format!("{all} (a case fails on {failing})")
+            }
+            _ => all,
+        }
+    };
     let counts = [
         counted(reading.eds.objects.len(), "object"),
-        counted(count(Severity::Error), "error"),
-        counted(count(Severity::Warning), "warning"),
-        counted(count(Severity::Note), "note"),
+        found(Severity::Error, "error"),
+        found(Severity::Warning, "warning"),
+        found(Severity::Note, "note"),
     ];
     counts.join(", ")
 }
@@ -281,7 +291,16 @@ mod tests {
         let (report, _) = report(Path::new("a"), bytes.as_bytes(), &reading, &BTreeMap::new());
         assert_eq!(report.matches("error[eds-syntax]").count(), 1000);
         assert!(report.ends_with("... and 3 more of [eds-syntax]\n\n"), "{report}");
-        assert!(counts(&reading).starts_with("0 objects, 1010 errors"));
+        assert!(counts(&reading, &BTreeMap::new()).starts_with("0 objects, 1010 errors"));
+    }
+
+    #[test]
+    fn warnings_on_which_a_case_fails_are_counted() {
+        let (date, version) = ("CreationDate=x\r\n", "EDSVersion=x\r\n");
+        let reading = eds::read(format!("[FileInfo]\r\n{date}{version}").as_bytes());
+        let judge = Judge { case: "file-info".to_owned(), must: true };
+        let counts = counts(&reading, &BTreeMap::from([("eds-date".to_owned(), judge)]));
+        assert!(counts.ends_with(", 2 warnings (a case fails on 1), 0 notes"), "{counts}");
     }
 
     #[test]
