@@ -11,7 +11,7 @@ use runner::suite::{Library, built_in, fingerprint, is_register, is_suite};
 
 use crate::data;
 use crate::files::{read_folder, shown};
-use crate::source::{Complaint, Source};
+use crate::source::{Complaint, Place, Source};
 
 /// Which suites are read.
 #[derive(Clone, Debug, Default, Args)]
@@ -208,6 +208,7 @@ impl Folders {
             (false, _) => {}
         }
         folders.extend(self.more.iter().cloned());
+        let mut own: BTreeMap<String, Arc<Source>> = BTreeMap::new();
         for folder in folders {
             let mut found = Vec::new();
             read_folder(&folder, &mut found).map_err(|complaint| vec![complaint])?;
@@ -219,7 +220,17 @@ impl Folders {
                      name, with `--suites NAME`"
                 );
             }
-            add(&mut sources, &folder, found);
+            let mut of_folder = BTreeMap::new();
+            add(&mut of_folder, &folder, found);
+            for (name, source) in of_folder {
+                if folder != here {
+                    let other = own.insert(name.clone(), Arc::clone(&source));
+                    if let Some(other) = other.filter(|other| other.text != source.text) {
+                        return Err(vec![same_name(&source, &other)]);
+                    }
+                }
+                sources.insert(name, source);
+            }
         }
         let mut sources: Vec<Arc<Source>> = sources.into_values().collect();
         sources.sort_by(|a, b| a.name.cmp(&b.name));
@@ -258,6 +269,15 @@ fn differ(some: &[Source], others: &[Source]) -> bool {
 
 fn by_name(sources: &[Source]) -> BTreeMap<&str, &str> {
     sources.iter().map(|source| (&*source.name, &*source.text)).collect()
+}
+
+/// Of two files with the same name in their folders one would take the place of the other.
+fn same_name(source: &Arc<Source>, other: &Source) -> Complaint {
+    let message = format!(
+        "{} has the same name in its folder: rename one, or put it into a subfolder",
+        other.name
+    );
+    Complaint::at(source, Place::of_line(1), message)
 }
 
 /// Adds the files of a folder by their names within it.

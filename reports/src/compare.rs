@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::cause::Cause;
 use crate::characteristics::Characteristic;
 use crate::comparison::{Change, Comparison, KnownCause, Moved};
+use crate::event::{Origin, RunStarted};
 use crate::fact::{Noticed, facts};
 use crate::junit::moment_in_words;
 use crate::run::{CaseRun, DeviceRun, Run};
@@ -44,8 +45,19 @@ pub fn compared(now: &Run, before: &Run) -> Comparison {
     causes.retain(|it| !old_causes.iter().any(|old| it.is_same(old)));
     let mut new: Vec<KnownCause> = causes.into_iter().map(|it| it.known).collect();
     [&mut new, &mut cured, &mut not_decided].into_iter().for_each(|causes| causes.sort());
+    let mut runs = [said(now), said(before)];
+    let files = [now, before].map(|run| run.started.as_ref().map(files).unwrap_or_default());
+    if files[0] != files[1] {
+        // What was not tried before, or is not waived now, is red by these.
+        for (said, files) in runs.iter_mut().zip(files) {
+            said.push_str(&clean(&format!(
+                ", with {}",
+                Origin::in_words(&files).unwrap_or_default()
+            )));
+        }
+    }
     Comparison {
-        runs: [said(now), said(before)],
+        runs,
         new,
         cured,
         not_decided,
@@ -71,6 +83,13 @@ fn said(run: &Run) -> String {
         _ => devices.join(", "),
     };
     clean(&format!("{devices}, target {}, {began}, harness {}", started.target, started.harness))
+}
+
+/// What a run is made with that decides which cases run and what is waived. The program under test
+/// is not among it: a new firmware is what runs are compared for.
+fn files(started: &RunStarted) -> Vec<Origin> {
+    let of_user = started.files.iter().filter(|file| file.from.ends_with(".yaml"));
+    started.suites.iter().chain(of_user).cloned().collect()
 }
 
 /// The figures of the same quantity on the same device whose intervals do not touch.

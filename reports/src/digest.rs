@@ -26,6 +26,8 @@ pub(crate) struct Digest<'r> {
     pub(crate) is_green: bool,
     /// What kept the run from its end.
     pub(crate) stopped: Option<String>,
+    /// The waivers that are out of date.
+    pub(crate) outdated: Vec<String>,
     pub(crate) facts_of_run: Vec<(&'static str, String)>,
     pub(crate) devices: Vec<Device<'r>>,
     pub(crate) bars: Vec<Bar>,
@@ -152,6 +154,7 @@ impl<'r> Digest<'r> {
             },
             is_green,
             stopped: ended.and_then(|it| it.reason.as_deref()).map(clean),
+            outdated: ended.iter().flat_map(|it| &it.outdated).map(|it| clean(it)).collect(),
             facts_of_run: facts_of_run(run),
             devices: run.devices.iter().map(Device::of).collect(),
             bars: bars(counts),
@@ -228,8 +231,6 @@ fn facts_of_run(run: &Run) -> Vec<(&'static str, String)> {
     facts.extend(started.selection().map(|said| ("selection", said)));
     facts.extend(started.part().map(|part| ("part", part)));
     facts.extend(started.seed.map(|seed| ("seed", seed.to_string())));
-    let outdated = run.ended.iter().flat_map(|ended| &ended.outdated);
-    facts.extend(outdated.map(|waiver| ("waiver out of date", clean(waiver))));
     facts
 }
 

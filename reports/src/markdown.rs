@@ -23,6 +23,12 @@ pub fn write(run: &Run, out: &mut dyn Write) -> io::Result<()> {
     if let Some(reason) = &digest.stopped {
         writeln!(out, "The run stopped: {}\n", escaped(reason))?;
     }
+    for waiver in &digest.outdated {
+        writeln!(out, "- waiver out of date: {}", escaped(waiver))?;
+    }
+    if !digest.outdated.is_empty() {
+        writeln!(out)?;
+    }
     devices(&digest, out)?;
     if let Some(comparison) = digest.comparison {
         compared(comparison, out)?;

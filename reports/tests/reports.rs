@@ -650,6 +650,19 @@ fn a_green_run_says_what_it_did_not_try() {
 }
 
 #[test]
+fn runs_with_other_device_files_are_told_as_such() {
+    let mut events = fixture::failing(&[("NMT-05", "702#04", &[])]);
+    let before = fold(&events, Keep::Unusual);
+    assert!(!compared(&before, &before).runs[0].contains(", with "));
+    if let Some(Event::RunStarted(started)) = events.first_mut() {
+        started.files = vec![reports::Origin { from: "dut.yaml".into(), sha256: "0".into() }];
+    }
+    let now = fold(&events, Keep::Unusual);
+    let runs = compared(&now, &before).runs;
+    assert!(runs[0].ends_with("; dut.yaml, 0") && runs[1].contains("dut.yaml, f"), "{runs:?}");
+}
+
+#[test]
 fn waivers_that_are_out_of_date_are_why_a_run_is_red() {
     let mut events = fixture::failing(&[("NMT-05", "702#04", &[])]);
     for event in &mut events {

@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::Path;
 
-use reports::{Cause, Outcome, Run, Verdict, facts};
+use reports::{Cause, Outcome, Run, Verdict, facts, merged};
 
 use super::counted::counted;
 use super::recorded::{narrow, recorded};
@@ -27,9 +27,13 @@ pub(super) fn run(args: &WaiveArgs) -> Result<Exit, Refused> {
     if let Some(pattern) = &args.case {
         narrow(runs.iter_mut(), pattern)?;
     }
+    // Shards of a run are one.
+    let is_shard = |run: &Run| run.started.as_ref().is_some_and(|it| it.shard.is_some());
+    let (shards, mut runs): (Vec<Run>, Vec<Run>) = runs.into_iter().partition(is_shard);
+    runs.extend((!shards.is_empty()).then(|| merged(shards)));
     if let Some(file) = &args.prune {
         let today = args.today.clone().unwrap_or_else(|| reports::date(unix_time()));
-        return prune::prune(file, runs, &today);
+        return prune::prune(file, &runs, &today);
     }
     let text = waivers(&runs, args);
     let cases = runs.iter().flat_map(Run::cases);

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
-use reports::{Run, merged};
+use reports::Run;
 use runner::suite::Register;
 use runner::waivers::{Need, Waivers};
 
@@ -15,18 +15,15 @@ use crate::files::read_source;
 use crate::reporter::{Output, not_written, say};
 use crate::source::Source;
 
-/// Prunes the file by what these runs show; shards of a run count as one.
+/// Prunes the file by what these runs show.
 ///
 /// # Errors
 /// What is wrong with the file, and that it cannot be written.
-pub(super) fn prune(path: &Path, runs: Vec<Run>, today: &str) -> Result<Exit, Refused> {
-    let is_shard = |run: &Run| run.started.as_ref().is_some_and(|it| it.shard.is_some());
-    let (shards, mut runs): (Vec<Run>, Vec<Run>) = runs.into_iter().partition(is_shard);
-    runs.extend((!shards.is_empty()).then(|| merged(shards)));
+pub(super) fn prune(path: &Path, runs: &[Run], today: &str) -> Result<Exit, Refused> {
     // A requirement need not be known here.
     let register = Register::default();
     let source = read_source(path)?;
-    let needs = Waivers::read(Arc::clone(&source), today, &register)?.needs(&runs);
+    let needs = Waivers::read(Arc::clone(&source), today, &register)?.needs(runs);
     let mut text = String::new();
     let mut dropped = Vec::new();
     for (place, cases, need) in &needs {
