@@ -75,7 +75,7 @@ impl CommandLine {
 
     /// The files that its words name.
     pub(crate) fn files(&self) -> impl Iterator<Item = PathBuf> {
-        let folder = self.folder.as_deref().unwrap_or(Path::new(""));
+        let folder = self.folder.as_deref().unwrap_or_else(|| Path::new(""));
         self.words.iter().map(|word| folder.join(word)).filter(|path| path.is_file())
     }
 
