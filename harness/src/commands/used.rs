@@ -1,18 +1,18 @@
 //! What a run is made with, as reports name it: suites, descriptions of reference devices, and the
 //! files of the user.
 
-use std::fs;
 use std::path::Path;
 
 use reports::Origin;
-use runner::suite::fingerprint_of;
+use runner::suite::{fingerprint, fingerprint_of};
 
 use crate::bus::Interface;
 use crate::cli::RunArgs;
 use crate::command_line::CommandLine;
 use crate::data;
 use crate::exit::Refused;
-use crate::files::{shown, texts_in};
+use crate::files::{LARGEST_JOURNAL, read, shown, texts_in};
+use crate::source::Source;
 use crate::target::Address;
 
 /// Each once.
@@ -49,9 +49,11 @@ impl Used {
         Ok(used)
     }
 
-    /// Adds a file. What cannot be read has no fingerprint.
+    /// Adds a file. What cannot be read again, as a pipe, has no fingerprint.
     fn read(&mut self, path: &Path) {
-        if let Ok(bytes) = fs::read(path) {
+        if path.is_file()
+            && let Ok(bytes) = read(path, LARGEST_JOURNAL)
+        {
             add(&mut self.files, of_bytes(&shown(path), &bytes));
         }
     }
@@ -66,11 +68,9 @@ impl Used {
             Ok(Address::Simulation { device, .. }) if Path::new(&device).is_dir() => {
                 let folder = Path::new(&device);
                 let texts = texts_in(folder, folder).unwrap_or_default();
-                let bytes: Vec<u8> = texts
-                    .into_iter()
-                    .flat_map(|(name, text)| (name + &text).into_bytes())
-                    .collect();
-                add(&mut self.files, of_bytes(&shown(folder), &bytes));
+                let each = texts.into_iter().map(|(name, text)| Source::new(name, text));
+                let sha256 = fingerprint(each.collect::<Vec<_>>().iter());
+                add(&mut self.files, Origin { from: shown(folder), sha256 });
             }
             _ => {}
         }

@@ -1,6 +1,6 @@
 //! The PDOs of a data sheet, and the names that a case has for them.
 
-use canopen::eds::Object;
+use canopen::eds::{Object, Term};
 use canopen::pdo::{CobId, Mapping};
 use canopen::{DataType, Mux};
 
@@ -87,16 +87,18 @@ impl Pdo {
         dut.eds.objects.iter().filter_map(pdo).collect()
     }
 
-    /// The bytes before and after an entry that is mapped by default, where the mapped objects are
-    /// whole bytes: of each other object its default.
+    /// The bytes before and after an entry that is mapped by default once: of each other object its
+    /// default. None where an object is not whole bytes, or where its limits exclude that default.
     fn around(&self, mux: Mux, dut: &Dut) -> Option<(Vec<u8>, Vec<u8>)> {
         let mapped = dut.default_mapping(self.mapping);
-        let place = mapped.iter().position(|entry| entry.mux == mux)?;
-        let bytes = |mapped: &[Mapping]| -> Vec<u8> {
-            mapped.iter().flat_map(|entry| default_bytes(entry, dut)).collect()
+        let mut places = (0..mapped.len()).filter(|place| mapped[*place].mux == mux);
+        let place = places.next().filter(|_| places.next().is_none())?;
+        let bytes = |mapped: &[Mapping]| -> Option<Vec<u8>> {
+            let each = mapped.iter().map(|entry| default_bytes(entry, dut));
+            Some(each.collect::<Option<Vec<_>>>()?.concat())
         };
-        let whole = mapped.iter().all(|entry| entry.bits.is_multiple_of(8));
-        whole.then(|| (bytes(&mapped[..place]), bytes(&mapped[place + 1..])))
+        let whole = mapped[place].bits.is_multiple_of(8);
+        whole.then(|| bytes(&mapped[..place]).zip(bytes(&mapped[place + 1..])))?
     }
 
     const fn in_use(&self) -> bool {
@@ -178,10 +180,61 @@ impl Pdo {
     }
 }
 
-/// The default of a mapped object, as long as it is mapped; of a dummy, zeros.
-fn default_bytes(mapped: &Mapping, dut: &Dut) -> Vec<u8> {
-    let entry = dut.eds.entry(mapped.mux);
-    let mut bytes = entry.and_then(|entry| entry.default_bytes(dut.node).ok()).unwrap_or_default();
-    bytes.resize(usize::from(mapped.bits / 8), 0);
-    bytes
+/// The default of a mapped object, as long as it is mapped; of a dummy, zeros. None where it is not
+/// whole bytes, or outside of the limits.
+fn default_bytes(mapped: &Mapping, dut: &Dut) -> Option<Vec<u8>> {
+    let size = mapped.bits.is_multiple_of(8).then_some(usize::from(mapped.bits / 8))?;
+    let Some(entry) = dut.eds.entry(mapped.mux) else { return Some(vec![0; size]) };
+    let mut bytes = entry.default_bytes(dut.node).unwrap_or_default();
+    bytes.resize(size, 0);
+    let value = entry.data_type.decode(&bytes).ok().and_then(|value| value.as_int());
+    let bound = |term: &Option<Term>| term.as_ref()?.resolve(dut.node).as_int();
+    let is_below = value.zip(bound(&entry.low)).is_some_and(|(value, low)| value < low);
+    let is_above = value.zip(bound(&entry.high)).is_some_and(|(value, high)| value > high);
+    (!is_below && !is_above).then_some(bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use canopen::eds;
+
+    use super::*;
+
+    /// Whether 2000h, of 16 bits, is in an RPDO with `mapping` in a place of its own; beside it are
+    /// 2001h from 1 to 9, with this default, and 2002h of one bit.
+    fn place(default: &str, mapping: &[u32]) -> Option<(Vec<u8>, Vec<u8>)> {
+        let var = |index: u16, data_type: u8, rest: &str| {
+            format!(
+                "[{index:04X}]\nParameterName=x\nObjectType=7\nDataType={data_type}\n\
+                 AccessType=rww\nPDOMapping=1\n{rest}\n"
+            )
+        };
+        let mut text = var(0x2000, 6, "DefaultValue=7") + &var(0x2002, 1, "");
+        text += &var(0x2001, 5, &format!("LowLimit=1\nHighLimit=9\nDefaultValue={default}"));
+        for (index, values) in [(0x1400, &[0x201, 255][..]), (0x1600, mapping)] {
+            text += &format!("[{index:04X}]\nParameterName=x\nObjectType=9\nSubNumber=9\n");
+            let count = [values.len() as u32];
+            for (sub, value) in count.iter().chain(values).enumerate() {
+                text += &format!(
+                    "[{index:04X}sub{sub}]\nParameterName=x\nObjectType=7\nDataType=7\n\
+                     AccessType=rw\nDefaultValue={value}\n"
+                );
+            }
+        }
+        let objects = "[ManufacturerObjects]\nSupportedObjects=3\n1=0x2000\n2=0x2001\n3=0x2002\n\
+                       [OptionalObjects]\nSupportedObjects=2\n1=0x1400\n2=0x1600\n";
+        let dut = Dut::new("", 1, eds::read((objects.to_owned() + &text).as_bytes()).eds);
+        let pdo = Pdo::all(DirectionName::Receive, &dut)[0];
+        pdo.around(Mux::new(0x2000, 0), &dut)
+    }
+
+    #[test]
+    fn the_bytes_around_an_entry_are_defaults_that_the_device_takes() {
+        let (word, byte, bit) = (0x2000_0010, 0x2001_0008, 0x2002_0001);
+        assert_eq!(place("3", &[byte, word, byte]), Some((vec![3], vec![3])));
+        assert_eq!(place("3", &[word]), Some((vec![], vec![])));
+        assert_eq!(place("", &[byte, word]), None, "0 is below the limit");
+        assert_eq!(place("3", &[word, word]), None, "which of them counts is not said");
+        assert_eq!(place("3", &[bit, word]), None);
+    }
 }
