@@ -85,8 +85,8 @@ fn said(run: &Run) -> String {
     clean(&format!("{devices}, target {}, {began}, harness {}", started.target, started.harness))
 }
 
-/// What a run is made with that decides which cases run and what is waived. What the target names is
-/// not among it: a new firmware is what runs are compared for.
+/// What a run is made with that decides which cases run and what is waived. What the target names
+/// is not among it: a new firmware is what runs are compared for.
 fn files(started: &RunStarted) -> Vec<Origin> {
     let of_user = started.files.iter().filter(|file| !started.target.contains(&file.from));
     started.suites.iter().chain(of_user).cloned().collect()
