@@ -67,7 +67,7 @@ pub struct Found {
     /// What the device, a program, said before it ended.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub said: Option<String>,
-    /// These in words, of an exploration.
+    /// These in words.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub done: Vec<String>,
     /// The file with them.

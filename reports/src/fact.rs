@@ -15,6 +15,7 @@ use std::sync::Arc;
 use crate::cause::Cause;
 use crate::run::{CaseRun, DeviceRun, Run};
 use crate::seen::{Seen, seen};
+use crate::verdict::Outcome;
 
 /// An instance with its device, and its place in the run.
 pub type Noticed<'r> = (usize, &'r DeviceRun, &'r CaseRun);
@@ -117,6 +118,11 @@ pub fn facts(run: &Run) -> Vec<Fact<'_>> {
                 origins_of[at].get_or_insert(origin);
             }
         }
+    }
+    // What rests on it and was not run is explained as well.
+    let blocked = run.cases().filter(|(_, case)| matches!(case.outcome, Outcome::Blocked(_)));
+    for origin in blocked.flat_map(|(device, case)| follows(device, case)) {
+        origins.get(&origin).into_iter().for_each(|at| explains[*at] += 1);
     }
     joined.join_widespread(&cases);
     for group in joined.groups() {

@@ -58,6 +58,12 @@ fn devices(digest: &Digest<'_>, out: &mut dyn Write) -> io::Result<()> {
         let name = escaped(device.name);
         writeln!(out, "| {name} | {} | {} |", device.node, counts.join(" | "))?;
     }
+    writeln!(out)?;
+    for device in &digest.devices {
+        let about = device.about.iter().map(|(what, text)| format!("{what}: {}", escaped(text)));
+        let about: Vec<String> = about.collect();
+        writeln!(out, "- {}: {}", escaped(device.name), about.join("; "))?;
+    }
     writeln!(out)
 }
 
@@ -122,7 +128,8 @@ fn rows(causes: &[&Cause], out: &mut dyn Write, last: impl Fn(&Cause) -> String)
     for cause in causes.iter().take(MOST_CAUSES) {
         let (verdict, total) = (cause.verdict, cause.counted());
         let decided = cause.decided.iter().map(|said| format!("\ndecided {said}"));
-        let said = cause.said.clone() + &decided.collect::<String>();
+        let says = cause.says.iter().map(|says| format!("\n{says}"));
+        let said = cause.said.clone() + &says.chain(decided).collect::<String>();
         let (service, said) = (escaped(&cause.service), escaped(&said));
         writeln!(out, "| {verdict} | {total} | {service} | {said} | {} |", last(cause))?;
     }

@@ -379,6 +379,33 @@ fn a_fact_is_named_by_what_most_of_its_cases_show() {
 }
 
 #[test]
+fn a_fact_is_named_by_the_requirement_for_which_others_were_not_run() {
+    let cases: [(&str, &str, &[&str]); 5] = [
+        ("DEVICE-01", "081#*", &[]),
+        ("DEVICE-01", "081#*", &[]),
+        ("HC-73", "081#*", &[]),
+        ("HC-05", "081#*", &["HC-73"]),
+        ("HC-09", "081#*", &["HC-73"]),
+    ];
+    let mut events = fixture::failing(&cases);
+    // Those that rest on it are no cases of a fact, and say which one it is all the same.
+    for event in events.iter_mut().rev().step_by(2).take(2) {
+        let Event::CaseEnded(end) = event else { panic!("a case ends") };
+        (end.outcome, end.cause) = (Outcome::Blocked("HC-73 does not hold".to_owned()), None);
+    }
+    let Event::CaseEnded(first) = &mut events[3] else { panic!("a case ends") };
+    let cause = first.cause.clone();
+    for place in [5, 7] {
+        // One observation, as of what is late in many cases.
+        let Event::CaseEnded(end) = &mut events[place] else { panic!("a case ends") };
+        end.cause = cause.clone();
+    }
+    let run = fold(&events, Keep::Unusual);
+    let told: Vec<_> = facts(&run).iter().map(|it| (it.cases.len(), it.first.0)).collect();
+    assert_eq!(told, [(3, 2)]);
+}
+
+#[test]
 fn a_case_that_was_undecided_counts_as_it_comes_out_at_last() {
     let events = fixture::events(Grade::Lenient);
     let [start, device, case] = [&events[0], &events[1], &events[2]];

@@ -400,7 +400,9 @@ impl Session<'_> {
             let lost = || lost().map(|why| Outcome::not_run(shortly(why)));
             if let Some(outcome) = excused.or_else(blocked).or_else(lost) {
                 reliance.learn(instance, &outcome);
-                link.emit(ended(link, &started, outcome));
+                let relies_on = self.rests_on(instance, &outcome, &[]);
+                let end = CaseEnded::of(&started, link.mark(), outcome);
+                link.emit(Event::CaseEnded(CaseEnded { relies_on, ..end }));
                 continue;
             }
             let mut finished = self.repeated(link, common, instance, left);
@@ -511,10 +513,12 @@ impl Session<'_> {
     /// The requirements on which a result rests: those that the case relies on, those that it tries
     /// in another situation, and the effects of the NMT commands before what went wrong.
     fn rests_on(&self, instance: &Instance, outcome: &Outcome, by: &[Service]) -> Vec<Arc<str>> {
-        if outcome.problem().is_none() {
-            return Vec::new();
-        }
         let named = instance.relies_on().map(Arc::from);
+        match outcome {
+            Outcome::Blocked(_) => return named.collect(),
+            _ if outcome.problem().is_none() => return Vec::new(),
+            _ => {}
+        }
         let checks = &instance.case().checks;
         let checked = checks.iter().filter_map(|id| self.register.find(&id.value));
         let extended = checked.flat_map(|found| found.entry.value.extends.keys());
