@@ -23,7 +23,7 @@ use crate::nearest::did_you_mean;
 pub use decimal::Decimal;
 pub use lines::Lines;
 pub use outline::Outline;
-pub use table::{Stand, TABLE, Table, Values};
+pub use table::{Stand, TABLE, Table, Values, number_in_frame};
 pub use tree::{Node, Tree, Unfit};
 
 /// A text with the name by which the user knows it.

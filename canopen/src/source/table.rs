@@ -83,7 +83,11 @@ impl Table {
             }
             let mut values = around.clone();
             for (name, cell) in columns.iter().zip(cells) {
-                values.insert(name.value.clone(), cell.filled(around, stand));
+                let cell = cell.filled(around, stand);
+                if let Some(message) = number_in_frame(&name.value, &cell, content) {
+                    complain(cell.place, message);
+                }
+                values.insert(name.value.clone(), cell);
             }
             all.push((row.place, values));
         }
@@ -123,6 +127,29 @@ fn slip_of(
         let is_known = around.keys().any(|name| formula::has(&stranger.value, name));
         !is_known && is_slip(stranger.value.trim_start_matches('$'), column)
     })
+}
+
+/// What is wrong with a number that `content` puts into the data of a frame, where its digits would
+/// count as hexadecimal ones. Two digits are one byte, as frames are written.
+pub fn number_in_frame(name: &str, value: &Tree, content: &[Tree]) -> Option<String> {
+    let Node::Int(100.., digits) = &value.node else { return None };
+    let mut any = false;
+    let mut look = |text: &str, _| {
+        let frame = text.split_once('#').filter(|(id, _)| id.ends_with(is_of_id));
+        any |= frame.is_some_and(|(_, data)| formula::has(data, name));
+    };
+    content.iter().for_each(|part| part.texts(&mut look));
+    any.then(|| {
+        format!(
+            "${name} stands in a frame, whose bytes are hexadecimal: quote the digits if that is \
+             meant, \"{digits}\", or write the bytes, such as \"D0 07\" for 2000 of two bytes"
+        )
+    })
+}
+
+/// What the identifier of a frame ends with: `201`, `200+n`, `$pdo`, `${id}`.
+fn is_of_id(last: char) -> bool {
+    last.is_ascii_alphanumeric() || last == '}'
 }
 
 fn counted(count: usize, noun: &str) -> String {
@@ -269,6 +296,12 @@ mod tests {
                 "a table has its columns in `for` and its `rows`, each a list",
             ),
             ("content: $a $b\nfor: [a, b]\nrows: [x]\n", (3, 8), "a row is a list of values"),
+            (
+                "content: 201#01 $a\nfor: [a]\nrows: [20, \"2000\", 2000]\n",
+                (3, 19),
+                "$a stands in a frame, whose bytes are hexadecimal: quote the digits if that is \
+                 meant, \"2000\", or write the bytes, such as \"D0 07\" for 2000 of two bytes",
+            ),
         ] {
             let (_, wrong) = read(text);
             assert_eq!(wrong, [(Place::new(place.0, place.1), said.to_owned())], "{text}");

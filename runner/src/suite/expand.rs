@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use canopen::Mux;
-use canopen::source::{Decimal, Node, Stand, Table, Values};
+use canopen::source::{Decimal, Node, Stand, Table, Values, number_in_frame};
 
 use super::definition::{Definition, Definitions, Taken, unknown_key};
 use super::formula;
@@ -103,7 +103,7 @@ pub(super) const OF_OBJECTS: [(&str, &str, &[&str], &[&str]); 4] = [
     (
         "write",
         "object",
-        &["refused", "or-refused", "transfer", "mistake", "if-there"],
+        &["refused", "or-refused", "enough", "transfer", "mistake", "if-there"],
         &["value", "bytes", "fill", "save"],
     ),
     (
@@ -335,7 +335,11 @@ impl Expander<'_> {
         for (argument, value) in given {
             if definition.takes.iter().any(|known| known.name.value == argument.value) {
                 let value = value.filled(inside.values, inside.stand());
-                values.insert(argument.value.clone(), value);
+                let name = &argument.value;
+                if let Some(message) = number_in_frame(name, &value, &definition.steps) {
+                    self.complain(value.place, message);
+                }
+                values.insert(name.clone(), value);
             } else {
                 let known = definition.takes.iter().map(|known| known.name.value.as_str());
                 let meant = did_you_mean(&argument.value, known);
