@@ -27,6 +27,28 @@ impl Action {
     pub const fn new(does: Kind, frames: Vec<Frame>, then: Then) -> Self {
         Self { does, frames, bench: None, then }
     }
+
+    /// What it does, in words: a line for each frame, where there are not too many.
+    pub fn words(&self) -> Vec<String> {
+        /// What is more is a transfer of many segments, or a flood.
+        const MOST: usize = 8;
+        let frames = self.frames.iter().take(MOST);
+        let mut lines: Vec<String> =
+            frames.map(|frame| format!("{frame}  {}", canopen::meaning(frame))).collect();
+        match self.frames.len() {
+            more @ MOST.. if more > MOST => lines.push(format!("and {} more frames", more - MOST)),
+            _ => {}
+        }
+        lines.extend(self.bench.iter().map(|Stimulus { name, value }| format!("{name} = {value}")));
+        match self.then {
+            Then::Wait(micros) if lines.is_empty() => {
+                lines.push(format!("{} {:?}", self.does.word(), Duration::from_micros(micros)));
+            }
+            Then::Answers { .. } if lines.is_empty() => lines.push(self.does.word()),
+            _ => {}
+        }
+        lines
+    }
 }
 
 impl Kind {

@@ -34,6 +34,11 @@ pub struct Candidate {
 }
 
 impl Candidate {
+    /// Whether it is about layer setting services alone.
+    fn is_of_lss(&self) -> bool {
+        self.clauses.iter().all(|clause| clause.starts_with("CIA305-"))
+    }
+
     /// The part of a freedom that a device of another application can have.
     fn of(freedom: Freedom) -> Option<Self> {
         let whole = freedom.deviation();
@@ -108,9 +113,15 @@ impl Blueprint {
         node: u8,
         settings: NodeSettings,
     ) -> Result<Self, Vec<Complaint>> {
+        let eds = eds.into();
+        let has_lss = eds.device.lss;
         let device = ReferenceDevice::of_sheet(eds, node, settings);
         Deviation::default().build(&device, node).map_err(|wrong| vec![wrong])?;
-        let (freedoms, mutants) = COMMON.clone()?;
+        let (freedoms, mut mutants) = COMMON.clone()?;
+        if !has_lss {
+            // Without layer setting services nothing can be wrong with them, whatever looks alike.
+            mutants = mutants.iter().filter(|mutant| !mutant.is_of_lss()).cloned().collect();
+        }
         Ok(Self::new(device, node, freedoms, mutants))
     }
 

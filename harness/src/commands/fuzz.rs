@@ -35,7 +35,7 @@ pub(super) use causes::{Cause, group};
 use file::FindingFile;
 use may::may_do;
 pub(super) use model::Modelled;
-use outcome::{Outcome, found, notes_of};
+use outcome::{Outcome, found, notes_of, words_of};
 use prepared::Prepared;
 use record::{Record, Shown};
 use stage::{Clock, Place, target_of};
@@ -288,16 +288,14 @@ fn repro(args: &FindingArgs, stop: &Stop) -> Result<Exit, Refused> {
     let modelled = Modelled::of(&target, &mut stage, file.oracle.as_deref())?;
     let session = Session { actions: file.actions.clone() };
     let again = modelled.again(&mut stage, &file.freedoms, &session)?;
-    match again {
-        Some(finding) => {
-            say(&format!("{}\n{}\n", file.words(), finding.violation));
-            Ok(Exit::Findings)
-        }
-        None => {
-            say(&format!("{}\nnothing is wrong this time\n", file.words()));
-            Ok(Exit::Green)
-        }
-    }
+    let lines = words_of(&file.actions, modelled.blueprint.surface());
+    let done: String = lines.iter().map(|line| format!("  {line}\n")).collect();
+    let (seen, exit) = match again {
+        Some(finding) => (finding.violation.to_string(), Exit::Findings),
+        None => ("nothing is wrong this time".to_owned(), Exit::Green),
+    };
+    say(&format!("{}\n{done}{seen}\n", file.words()));
+    Ok(exit)
 }
 
 /// Makes the session of a file shorter.

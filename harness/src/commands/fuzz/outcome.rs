@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 
-use campaign::{Campaign, Finding, Kind, Surface, Tally};
+use campaign::{Action, Campaign, Finding, Kind, Surface, Tally};
 use reports::campaign::{Explored, Found, Learnt, Like};
 
 use super::causes::Cause;
@@ -20,7 +20,6 @@ pub(super) fn found(
     file: Option<&Path>,
 ) -> Found {
     let actions = &kept.session.actions;
-    let words = |surface: &Surface| actions.iter().map(|it| surface.words(it)).collect();
     let of_cause = || cause.findings.iter().map(|place| &findings[*place]);
     let like = cause.says.iter();
     let like = like
@@ -31,10 +30,18 @@ pub(super) fn found(
         like: like.collect(),
         sessions: of_cause().map(|finding| finding.number).collect(),
         actions: actions.len(),
-        done: surface.map_or_else(Vec::new, words),
+        done: words_of(actions, surface),
         said: kept.said.clone(),
         file: file.map(|file| file.display().to_string()),
         waived: None,
+    }
+}
+
+/// What actions do, in the words of an exploration, or as frames.
+pub(super) fn words_of(actions: &[Action], surface: Option<&Surface>) -> Vec<String> {
+    match surface {
+        Some(surface) => actions.iter().map(|action| surface.words(action)).collect(),
+        None => actions.iter().flat_map(Action::words).collect(),
     }
 }
 
