@@ -5,10 +5,10 @@ mod words;
 
 use std::collections::BTreeSet;
 
-use canopen::Abort;
 use canopen::catalogue::{Catalogue, Facts, Shape};
 use canopen::eds::{CODES, Code, Eds};
 use canopen::emcy::EmcyCode;
+use canopen::{Abort, Mux};
 use reference_devices::devices;
 use reference_devices::freedom::{self, Freedom, Personality};
 use reference_devices::mutant::{self, Mutant};
@@ -193,7 +193,10 @@ impl Book {
         if let Some((text, true)) = sheet {
             return Some(text);
         }
-        let entry = || entries::entry(name, &self.library.catalogue);
+        let entry = || {
+            let text = entries::entry(name, &self.library.catalogue)?;
+            Some(self.with_words(text, name.parse::<Mux>().ok()?.index))
+        };
         match (sheet, self.word(name).or_else(|| self.code(name)).or_else(entry)) {
             (Some((text, _)), Some(known)) => Some(text + "\n" + &known),
             (sheet, known) => sheet.map(|(text, _)| text).or(known),
@@ -421,9 +424,18 @@ impl Book {
     fn object(&self, index: u16) -> Option<String> {
         let known = object(index, &self.library.catalogue);
         let own = entries::of_devices(index, &self.library.catalogue);
-        match (known, own) {
-            (Some(known), Some(own)) => Some(known + "\n" + &own),
-            (known, own) => known.or(own),
+        let text = match (known, own) {
+            (Some(known), Some(own)) => known + "\n" + &own,
+            (known, own) => known.or(own)?,
+        };
+        Some(self.with_words(text, index))
+    }
+
+    /// What is said of an object, and the words for it.
+    fn with_words(&self, text: String, index: u16) -> String {
+        match self.words_of_object(index) {
+            Some(words) => text + "\n" + &words,
+            None => text,
         }
     }
 

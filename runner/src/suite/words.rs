@@ -222,6 +222,15 @@ impl Words {
         only(self.folder.frames.iter().filter(|(_, known)| *known == frame).map(|(word, _)| word))
     }
 
+    /// The words for the entries of an object, each with the value of one count, such as `0.1 °C`.
+    pub fn objects_of(&self, index: u16) -> impl Iterator<Item = (Mux, &str, Option<String>)> {
+        let entries = Mux::new(index, 0)..=Mux::new(index, u8::MAX);
+        self.folder.names.range(entries).map(|(mux, word)| {
+            let scale = self.of(&ObjectRef::Fixed(*mux)).scale;
+            (*mux, word.as_str(), scale.map(Scale::one))
+        })
+    }
+
     /// The name of the object.
     pub fn name(&self, mux: Mux) -> Option<&str> {
         self.named.get(&mux).or_else(|| self.folder.names.get(&mux)).map(String::as_str)

@@ -1,7 +1,7 @@
 //! What reports and suites say beside names of their own: verdicts, steps, names of the bench, and
 //! the numbers of CiA's conformance test.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use canopen::bench::{NAMES, is_known};
 use reports::Verdict;
@@ -38,6 +38,24 @@ impl Book {
             page.field("in", &format!("{}{more}", suites[0]));
         }
         (!meanings.is_empty()).then_some(page.0)
+    }
+
+    /// The words by which suites call the entries of an object, each with the value of one count.
+    pub(super) fn words_of_object(&self, index: u16) -> Option<String> {
+        let mut known = BTreeMap::<String, BTreeSet<&str>>::new();
+        for suite in &self.library.suites {
+            for (mux, word, count) in suite.words.objects_of(index) {
+                let unit = count.map(|count| format!(", {count} a count"));
+                let said = format!("{mux} {word}{}", unit.unwrap_or_default());
+                known.entry(said).or_default().insert(suite.name().split('/').next()?);
+            }
+        }
+        let mut page = Page::new(format!("words for {index:04X}h in suites"));
+        for (said, folders) in &known {
+            let folders: Vec<&str> = folders.iter().copied().collect();
+            page.field("word", &format!("{said} ({})", folders.join(", ")));
+        }
+        (!known.is_empty()).then_some(page.0)
     }
 
     /// The words, for what was meant.
