@@ -70,7 +70,8 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     let matrices = Matrix::of(&cleans, every)?;
     let mut freedoms = Freedoms::of(&cleans)?;
     Freedoms::mix(&mut freedoms, args)?;
-    let mut holes = matrix::holes(&library, &matrices, &again(args));
+    let judging = freedoms.iter().flat_map(Freedoms::judging);
+    let mut holes = matrix::holes(&library, &matrices, judging, &again(args));
     holes.extend(freedoms.iter().flat_map(Freedoms::holes));
     let shown = |verbose: bool| {
         matrices.iter().zip(&freedoms).map(move |(matrix, freedoms)| {

@@ -175,8 +175,12 @@ impl<'c> Checker<'c> {
                 self.patterns(&reply.frame, &reply.lenient);
                 self.patterns(&reply.frame, &reply.or_else);
                 self.times(&reply.within);
+                self.enough(reply.enough, &reply.or_else, reply.or_silence, step.place);
             }
-            Step::Ask(ask) => self.ask(ask),
+            Step::Ask(ask) => {
+                self.enough(ask.enough, &ask.or_else, ask.or_silence, step.place);
+                self.ask(ask);
+            }
             Step::Expect(expect) => {
                 self.patterns(&expect.frame, &expect.lenient);
                 self.time(&expect.within);
@@ -430,9 +434,19 @@ impl<'c> Checker<'c> {
             let message = "a write is to be refused, or may be: `refused` or `or-refused`";
             self.complain(refused.place, message);
         }
+        if write.enough && write.or_refused.is_empty() {
+            self.complain(place, "`enough` belongs to `or-refused`");
+        }
         if let Some(At { value: name, place }) = write.save.as_deref() {
             self.scope.bind(name.0.to_string(), Binding::Bytes(Vec::new()));
             self.saved.push((name.0.to_string(), *place));
+        }
+    }
+
+    /// Only a way out can be enough.
+    fn enough(&mut self, enough: bool, or_else: &[At<FrameText>], silence: bool, place: Place) {
+        if enough && or_else.is_empty() && !silence {
+            self.complain(place, "`enough` belongs to `or-else` or `or-silence`");
         }
     }
 

@@ -1,6 +1,7 @@
 //! Sessions on buses that make the tester late, and with devices that have peculiarities from the
 //! start.
 
+mod declined;
 mod emergencies;
 mod kept;
 mod other_nodes;

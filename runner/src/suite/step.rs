@@ -73,6 +73,17 @@ pub enum Step {
 }
 
 impl Step {
+    /// Whether the case passes when the device answers in the other way that is allowed, although
+    /// nothing was judged before.
+    pub(crate) fn is_enough(&self) -> bool {
+        match self {
+            Self::Write(write) => write.enough,
+            Self::Reply(reply) => reply.enough,
+            Self::Ask(ask) => ask.enough,
+            _ => false,
+        }
+    }
+
     /// Whether it begins with an SDO transfer.
     pub(crate) fn transfers_objects(&self) -> bool {
         matches!(
@@ -199,6 +210,10 @@ pub struct Reply {
     /// The device may be silent as well; the rest of the steps is then left out.
     #[serde(default)]
     pub or_silence: bool,
+    /// Such an answer is all that the case asks for: it passes. Without it, a case that has judged
+    /// nothing by then is SKIP.
+    #[serde(default)]
+    pub enough: bool,
     /// How long to wait; 1 s unless said otherwise.
     #[serde(default)]
     pub within: Option<At<Amount>>,
@@ -227,6 +242,10 @@ pub struct Ask {
     /// The device may be silent as well; the rest of the steps is then left out.
     #[serde(default)]
     pub or_silence: bool,
+    /// Such an answer is all that the case asks for: it passes. Without it, a case that has judged
+    /// nothing by then is SKIP.
+    #[serde(default)]
+    pub enough: bool,
     /// The device may be silent as well, and the steps go on.
     #[serde(default)]
     pub accept_silence: bool,
@@ -361,6 +380,10 @@ pub struct Write {
     /// With these codes the device may refuse as well; the rest of the steps is then left out.
     #[serde(default)]
     pub or_refused: Box<[At<Refused>]>,
+    /// Such a refusal is all that the case asks for: it passes. Without it, a case that has judged
+    /// nothing by then is SKIP.
+    #[serde(default)]
+    pub enough: bool,
     /// Nothing is written where the data sheet has no such object, or none that can be written.
     #[serde(default)]
     pub if_there: bool,

@@ -59,6 +59,8 @@ struct Tried {
     is_known: bool,
     /// The allowances of the cases that were used.
     allowed: BTreeSet<Assertion>,
+    /// The cases that judge it, and skip an instance on the device without deviation.
+    judging: BTreeSet<String>,
 }
 
 /// The instances with the same frames and verdict as on the device without deviation, and the
@@ -241,6 +243,12 @@ impl<'c, 'l> Freedoms<'c, 'l> {
         tried.flat_map(|tried| tried.allowed.iter().map(|allowed| (allowed, tried.query.as_str())))
     }
 
+    /// The cases that judge the device with a freedom, while they skip instances without it.
+    pub(super) fn judging(&self) -> impl Iterator<Item = &String> {
+        let tried = self.single.iter().chain(&self.personalities).chain(&self.groups);
+        tried.flat_map(|tried| &tried.judging)
+    }
+
     /// Unjust cases, and freedoms that prove nothing.
     pub(super) fn holes(&self) -> impl Iterator<Item = String> {
         let device = self.compared.clean.name();
@@ -348,12 +356,16 @@ impl Compared<'_, '_> {
         let query = deviation.query.clone();
         let noticed = deviation.falsifies_data_sheet();
         let ran = self.clean.deviating(deviation, wanted)?;
-        let (red, affected, allowed) = Default::default();
-        let mut tried = Tried { query, red, affected, noticed, is_known: false, allowed };
+        let (red, affected, allowed, judging) = Default::default();
+        let mut tried = Tried { query, red, affected, noticed, is_known: false, allowed, judging };
         let mut went = Went::default();
         for trial in ran.trials {
             tried.allowed.extend(Assertion::used_by(&trial.case, &trial.shown));
             let clean = self.trials.get(trial.name.as_str());
+            let is_skipped = clean.is_some_and(|clean| clean.verdict == Verdict::Skip);
+            if is_skipped && matches!(trial.verdict, Verdict::Pass | Verdict::Lenient) {
+                tried.judging.insert(trial.case.clone());
+            }
             let frames = clean.is_none_or(|clean| clean.frames != trial.frames);
             tried.noticed |= frames || clean.is_none_or(|clean| clean.timing != trial.timing);
             if frames {

@@ -232,10 +232,16 @@ fn broken<'m>(mutant: &'m Mutant, case: &'m Case) -> impl Iterator<Item = &'m St
     mutant.breaks.iter().filter(|id| case.checks.iter().any(|check| check.value == **id))
 }
 
-/// The gaps that the matrices leave; `again` is the command that explains a mutant.
-pub(super) fn holes(library: &Library, matrices: &[Matrix], again: &str) -> Vec<String> {
+/// The gaps that the matrices leave; `judging` are the cases that judge a device with a freedom,
+/// and `again` is the command that explains a mutant.
+pub(super) fn holes<'f>(
+    library: &Library,
+    matrices: &[Matrix],
+    judging: impl Iterator<Item = &'f String>,
+    again: &str,
+) -> Vec<String> {
     let mut holes = Vec::new();
-    let (mut ran, mut proved) = (BTreeSet::new(), BTreeSet::new());
+    let (mut ran, mut proved) = (judging.cloned().collect::<BTreeSet<_>>(), BTreeSet::new());
     for matrix in matrices {
         let device = &matrix.device;
         holes.extend(matrix.unread());
@@ -296,7 +302,7 @@ pub(super) fn holes(library: &Library, matrices: &[Matrix], again: &str) -> Vec<
         for case in suite.file.cases.iter().filter(|_| proving.contains(device)) {
             let name = format!("{}/{}", suite.name(), case.value.id.value);
             if !ran.contains(&name) {
-                holes.push(format!("case {name} is skipped on {device}"));
+                holes.push(format!("case {name} is skipped on {device}, whatever freedom it uses"));
             } else if !proved.contains(&name) {
                 holes.push(format!("case {name} kills no mutant of a requirement it checks"));
             }

@@ -312,6 +312,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             other => other,
         };
         observer.steps_over();
+        let declined = result.declined(case);
         // The setup is undone, regardless of how the steps ended.
         steps.link.clean(true);
         let undone = run_phase(&mut steps, &case.finally, Phase::Finally, &mut result, &Unobserved);
@@ -321,11 +322,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         self.proof = steps.proof.take();
         let alive = ran?;
         undone?;
-        if let Some(what) = result.declined.take() {
-            self.note(format!(
-                "the device refused {what}, which is allowed; the remaining steps were skipped"
-            ));
-        }
+        declined.into_iter().for_each(|text| self.note(text));
         if alive {
             self.judge_monitors(self.steps_from, &mut result);
         }

@@ -7,6 +7,7 @@ use reports::{Outcome, Phase, Problem};
 
 use crate::run::steps::{Difference, excerpt};
 use crate::source::{Place, Source};
+use crate::suite::model::Case;
 
 /// The outcome as it takes shape: the first thing that weighs most stays, the rest become notes.
 pub(super) struct CaseOutcome<'r> {
@@ -14,8 +15,9 @@ pub(super) struct CaseOutcome<'r> {
     /// When the step ended that is being judged.
     pub at: Instant,
     pub outcome: Outcome,
-    /// A permitted refusal of the device, because of which the remaining steps were left out.
-    pub declined: Option<String>,
+    /// A permitted refusal of the device, because of which the remaining steps were left out, and
+    /// the place of the step.
+    pub declined: Option<(usize, String)>,
     /// How late the tester was, when that may be the reason of the outcome.
     pub late: Option<Duration>,
 }
@@ -51,6 +53,22 @@ impl CaseOutcome<'_> {
         if !matches!(self.outcome, Outcome::Fail(_)) {
             self.outcome = Outcome::Skip(why);
         }
+    }
+
+    /// The device refused what it may refuse, so that the remaining steps were left out. Returns
+    /// what is to be noted: where all that judges is among them, the case says nothing.
+    pub(super) fn declined(&mut self, case: &Case) -> Option<String> {
+        let (place, what) = self.declined.take()?;
+        let refused = format!("the device refused {what}, which is allowed");
+        let judging = case.judging_steps();
+        let is_untried = judging.first().is_some_and(|(first, _)| *first >= place)
+            && judging.last().is_some_and(|(last, _)| *last > place);
+        let is_enough = case.steps[place].value.is_enough();
+        if is_untried && !is_enough && self.outcome == Outcome::Pass {
+            self.outcome = Outcome::Skip(format!("{refused}, before anything was judged"));
+            return None;
+        }
+        Some(format!("{refused}; the remaining steps were skipped"))
     }
 
     /// The device failed where steps go on after that, although what follows cannot be made then.

@@ -77,7 +77,7 @@ pub(super) fn run_phase<'s>(
                 return Ok(false);
             }
             Err(Trouble::Declined(what)) => {
-                result.declined = Some(what);
+                result.declined = Some((place, what));
                 return Ok(true);
             }
         }
