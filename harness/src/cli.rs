@@ -283,6 +283,13 @@ pub struct RenderArgs {
     /// is red, the exit code is 10. Of shards, once for each
     #[arg(long, value_name = "JOURNAL")]
     pub against: Vec<PathBuf>,
+    /// Waivers for what the run found: the reports are those of a run with them, and the exit code
+    /// is 5 where some are out of date
+    #[arg(long, value_name = "FILE")]
+    pub waivers: Option<PathBuf>,
+    /// The date on which waivers expire, instead of that of the clock
+    #[arg(long, value_name = "DATE", hide = true, value_parser = date)]
+    pub today: Option<String>,
     /// Only the cases that this names, as the patterns of a run do: of what is printed, and of the
     /// frames that are recorded. Other reports are of all cases
     #[arg(long, value_name = "PATTERN")]

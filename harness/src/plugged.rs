@@ -42,6 +42,14 @@ impl Plugged {
         Self { row: Some(row).filter(|row| !row.numbers.is_empty()) }
     }
 
+    /// These modules, or the others where none are said.
+    pub(crate) fn or(self, others: &[u16]) -> Self {
+        match self.row {
+            Some(_) => self,
+            None => Self::of(others),
+        }
+    }
+
     /// The modules that a device file names.
     pub(crate) fn in_file(source: &Arc<Source>, row: &At<Vec<At<u16>>>) -> Self {
         let numbers = row.value.iter().map(|number| number.value).collect();

@@ -343,7 +343,10 @@ impl Cause {
             _ => String::new(),
         };
         let expected = problem.map(|problem| named(&problem.expected)).unwrap_or_default();
-        let said = [("", case.info.requirement_ids()), ("expected ", expected.clone())];
+        let object = fact.cause().and_then(|cause| cause.object.as_deref());
+        let object = object.map(named).filter(|it| !expected.contains(it)).unwrap_or_default();
+        let said =
+            [("", case.info.requirement_ids()), ("", object), ("expected ", expected.clone())];
         let times = case.outcome.times().unwrap_or_default();
         // Without a problem, it is the reason why a case did not come to a verdict.
         let came_before = if problem.is_some() { "came " } else { "" };

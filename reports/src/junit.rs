@@ -217,7 +217,7 @@ fn sentence(case: &CaseStarted) -> String {
 /// Whether it is written as a failure. LENIENT never is: a server has no word for a warning.
 fn fails(run: &Run, case: &CaseRun) -> bool {
     match case.outcome {
-        Outcome::Flaky { .. } => run.is_red(Verdict::Flaky),
+        Outcome::Lenient(_) | Outcome::Flaky { .. } => run.is_red(case.verdict()),
         Outcome::Fail(_) => true,
         _ => false,
     }

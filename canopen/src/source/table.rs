@@ -298,7 +298,7 @@ mod tests {
             ("content: $a $b\nfor: [a, b]\nrows: [x]\n", (3, 8), "a row is a list of values"),
             (
                 "content: 201#01 $a\nfor: [a]\nrows: [20, \"2000\", 2000]\n",
-                (3, 19),
+                (3, 20),
                 "$a stands in a frame, whose bytes are hexadecimal: quote the digits if that is \
                  meant, \"2000\", or write the bytes, such as \"D0 07\" for 2000 of two bytes",
             ),

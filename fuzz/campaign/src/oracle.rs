@@ -565,7 +565,8 @@ impl<'b> Oracle<'b> {
         let reset = Instant(now.0.saturating_sub(held.boot.takes.as_nanos() as u64));
         self.begin(reset, held)?;
         self.advance(Instant(now.0.saturating_add(1)))?;
-        self.known.booted(self.model.dictionary());
+        let as_usual = held.boot.node == self.blueprint.node();
+        self.known.booted(as_usual.then(|| self.model.dictionary()));
         Ok(())
     }
 
@@ -1007,10 +1008,11 @@ impl<'b> Oracle<'b> {
             Class::Tpdo(tpdo) if tpdo.kind <= 240 && !self.model.dictionary().has_object(SYNC) => {
                 Ok(())
             }
-            Class::Emergency if !self.blueprint.knows_emergencies() => match frame.data.len() {
-                8 => Ok(()),
-                _ => self.accuse(now, What::Unexpected(*frame, expected)),
-            },
+            // Whatever the application says, it says in eight bytes.
+            Class::Emergency if frame.data.len() != 8 => {
+                self.accuse(now, What::Unexpected(*frame, expected))
+            }
+            Class::Emergency if !self.blueprint.knows_emergencies() => Ok(()),
             Class::Emergency if self.is_of_application(frame) => {
                 (self.errors, self.suspicion) = (true, None);
                 Ok(())

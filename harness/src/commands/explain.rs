@@ -154,7 +154,7 @@ impl Book {
         let before = before.chain(option(name, &self.library.catalogue));
         let mut texts: Vec<String> = before.chain(cases).collect();
         if !texts.is_empty() {
-            texts.extend(self.of_bench(name));
+            texts.extend(self.of_bench(name).into_iter().chain(self.of_suites(name)));
         }
         if !texts.is_empty() {
             return Some(texts.join("\n"));
@@ -178,8 +178,9 @@ impl Book {
         // A deviation from a `should` is a mutant, and a freedom may well have the same name.
         let freedoms = self.freedoms.iter().filter(|(known, _)| known.name == name);
         let freedoms = freedoms.map(|(freedom, device)| self.freedom(freedom, device));
-        let texts: Vec<String> = mutants.chain(freedoms).collect();
+        let mut texts: Vec<String> = mutants.chain(freedoms).collect();
         if !texts.is_empty() {
+            texts.extend(self.of_suites(name));
             return Some(texts.join("\n"));
         }
         if let Some(personality) = self.personalities.iter().find(|known| known.name == name) {
@@ -310,6 +311,7 @@ impl Book {
                 "it changes nothing on the bus: it must survive, or the proof is broken",
             );
         }
+        page.field("made by", &mutant.made());
         if !mutant.uses.is_empty() {
             page.field("uses", &mutant.uses.join(", "));
         }

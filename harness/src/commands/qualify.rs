@@ -72,6 +72,7 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     Freedoms::mix(&mut freedoms, args)?;
     let judging = freedoms.iter().flat_map(Freedoms::judging);
     let mut holes = matrix::holes(&library, &matrices, judging, &again(args));
+    holes.extend(of_no_device(&library, args, &names));
     holes.extend(freedoms.iter().flat_map(Freedoms::holes));
     let shown = |verbose: bool| {
         matrices.iter().zip(&freedoms).map(move |(matrix, freedoms)| {
@@ -104,6 +105,24 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     complain!("{}", counted(holes.len(), "hole"));
     note_where_own_suites_are_proved(args);
     Ok(Exit::Holes)
+}
+
+/// The cases of the user that are proved on none of these devices, since their suite names none.
+fn of_no_device(library: &Library, args: &QualifyArgs, devices: &[String]) -> Vec<String> {
+    if args.folders.only.is_empty() && args.folders.more.is_empty() {
+        return Vec::new();
+    }
+    let own = args.folders.own_of(library.suites.iter().map(|suite| &suite.source));
+    let homeless = library.suites.iter().filter(|suite| {
+        own.contains(&suite.source.name)
+            && suite.file.device.is_none()
+            && !devices.iter().any(|device| device == matrix::home(suite))
+    });
+    let cases = homeless.flat_map(|suite| {
+        let name = suite.name();
+        suite.file.cases.iter().map(move |case| format!("{name}/{}", case.value.id.value))
+    });
+    cases.map(|case| format!("case {case} is not proved: its suite has no `device`")).collect()
 }
 
 /// The mutants of the program break requirements of the program alone.

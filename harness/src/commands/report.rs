@@ -1,13 +1,21 @@
 //! `harness report`: writes reports from the journals of runs.
 
+use std::path::Path;
+
 use reports::terminal::{Printer, Verbosity};
-use reports::{Event, Run, Style, compared, merged};
+use reports::{Event, Outcome, Run, Style, compared, merged};
 use runner::plan::is_named;
+use runner::suite::Register;
+use runner::waivers::Waivers;
 
 use super::recorded::{for_each_event, narrow, recorded};
+use super::used::of_bytes;
+use crate::bus::unix_time;
 use crate::cli::RenderArgs;
 use crate::exit::{Exit, Refused};
-use crate::reporter::{render, say_report};
+use crate::files::read_source;
+use crate::reporter::{harmless, render, say_report};
+use crate::source::Complaint;
 
 /// Writes what is asked for, or prints what a run prints.
 ///
@@ -21,11 +29,19 @@ pub(super) fn run(args: &RenderArgs) -> Result<Exit, Refused> {
         complain!("note: the run of {} was cut off after {cases} cases", path.display());
     }
     let mut run = merged(runs);
+    let outdated = match &args.waivers {
+        Some(path) => waived(&mut run, path, args.today.clone())?,
+        None => false,
+    };
     let earlier = args.against.iter().map(|path| recorded(path));
     let earlier: Vec<Run> = earlier.collect::<Result<_, _>>()?;
     run.comparison = (!earlier.is_empty()).then(|| compared(&run, &merged(earlier)));
     let regression = run.comparison.as_ref().is_some_and(|it| it.is_regression);
-    let exit = if regression { Exit::Regression } else { Exit::Green };
+    let exit = match (regression, outdated) {
+        (true, _) => Exit::Regression,
+        (false, true) => Exit::Waivers,
+        (false, false) => Exit::Green,
+    };
     let reports = &args.reports;
     if reports.formats.is_empty() && reports.recordings.is_empty() {
         if let Some(pattern) = &args.case {
@@ -56,6 +72,42 @@ pub(super) fn run(args: &RenderArgs) -> Result<Exit, Refused> {
         say_report(&comparison.last_line());
     }
     Ok(exit)
+}
+
+/// Waives what the run found, as if it had been made with these waivers; whether some of them are
+/// out of date, which is said.
+fn waived(run: &mut Run, path: &Path, today: Option<String>) -> Result<bool, Refused> {
+    let today = today.unwrap_or_else(|| reports::date(unix_time()));
+    let source = read_source(path)?;
+    let origin = of_bytes(&source.name, source.text.as_bytes());
+    // A requirement need not be known here.
+    let waivers = Waivers::read(source, &today, &Register::default())?;
+    for device in &mut run.devices {
+        let name = &device.info.device;
+        for case in device.suites.iter_mut().flat_map(|suite| &mut suite.cases) {
+            if !matches!(case.outcome, Outcome::Waived { .. }) {
+                let found = std::mem::replace(&mut case.outcome, Outcome::Pass);
+                case.outcome = waivers.apply(name, &case.info, found);
+            }
+        }
+    }
+    let names: Vec<String> = run.cases().map(|(_, case)| case.info.name()).collect();
+    let selected = run.started.as_ref().is_some_and(|started| started.selected);
+    let complaints = waivers.out_of_date(run, &names, selected);
+    let is_green = run.is_green();
+    run.started.iter_mut().for_each(|started| started.files.push(origin.clone()));
+    if let Some(ended) = &mut run.ended {
+        ended.outdated.extend(complaints.iter().map(Complaint::in_one_line));
+        let of_verdicts = [Exit::Green as u8, Exit::Failed as u8];
+        if is_green && of_verdicts.contains(&ended.exit) {
+            let code = if complaints.is_empty() { Exit::Green } else { Exit::Waivers };
+            ended.exit = code as u8;
+        }
+    }
+    for complaint in &complaints {
+        complain!("{}\n", harmless(&complaint.to_string()));
+    }
+    Ok(!complaints.is_empty())
 }
 
 /// The cases that are recorded.

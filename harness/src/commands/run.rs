@@ -216,8 +216,15 @@ impl Prepared {
         let said = outdated.iter().map(Complaint::in_one_line).collect();
         reporter.tell(&Event::RunEnded(RunEnded { exit: worst as u8, reason, outdated: said }));
         let finished = reporter.finish();
-        for complaint in outdated {
+        for complaint in &outdated {
             complain!("{}\n", harmless(&complaint.to_string()));
+        }
+        let file = commons.iter().find_map(|common| common.args.waivers.as_ref());
+        if let Some(file) = file.filter(|_| !outdated.is_empty()) {
+            complain!(
+                "note: `harness waive JOURNAL --prune {}` leaves out what is not needed any more",
+                file.display()
+            );
         }
         if let Some(besides) = failed_besides(reporter.run(), worst) {
             complain!("{besides}");

@@ -77,7 +77,7 @@ impl Used {
     }
 }
 
-fn of_bytes(name: &str, bytes: &[u8]) -> Origin {
+pub(super) fn of_bytes(name: &str, bytes: &[u8]) -> Origin {
     Origin { from: name.to_owned(), sha256: fingerprint_of(bytes) }
 }
 

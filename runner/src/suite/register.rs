@@ -126,7 +126,7 @@ impl RequirementEntry {
             (Level::Must, _, Some(_)) => Some("a must that is worded otherwise"),
             (Level::Must, ..) | (_, Some(_), _) | (.., Some(_)) => None,
             (Level::Should | Level::May, None, None) => {
-                Some("no must, by no interpretation and no word of its document")
+                Some("no must: an `interpretation` says why, or `worded` what its document says")
             }
         }
     }

@@ -114,13 +114,14 @@ impl Known {
         self.now.contains(&mux)
     }
 
-    /// The device has booted, and so has the model.
-    pub(super) fn booted(&mut self, od: &Dictionary) {
+    /// The device has booted, and so has the model. `od` is what it has then; none where it has
+    /// another node-ID for a time, with which defaults change.
+    pub(super) fn booted(&mut self, od: Option<&Dictionary>) {
         self.now = self.boot.keys().copied().collect();
         (self.joined, self.lss_open) = (false, false);
         self.somewhere = self.startup.iter().any(|mux| self.lacks(*mux));
         for (mux, value) in &mut self.boot {
-            if let Some(bytes) = od.get(*mux) {
+            if let Some(bytes) = od.and_then(|od| od.get(*mux)) {
                 *value = Data::new(bytes);
             }
         }

@@ -23,7 +23,7 @@ impl Book {
     }
 
     /// What a word stands for in suites.
-    fn of_suites(&self, name: &str) -> Option<String> {
+    pub(super) fn of_suites(&self, name: &str) -> Option<String> {
         let mut meanings = BTreeMap::<String, Vec<&str>>::new();
         for suite in &self.library.suites {
             if let Some(meaning) = suite.words.meaning(name) {

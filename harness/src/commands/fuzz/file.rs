@@ -10,7 +10,6 @@ use super::causes::Cause;
 use crate::cli::{CampaignArgs, DeviceArgs};
 use crate::exit::{Exit, Refused};
 use crate::files::words;
-use crate::plugged::Plugged;
 use crate::target::Target;
 
 /// A finding.
@@ -119,14 +118,21 @@ impl FindingFile {
         first.into_iter().flatten().collect()
     }
 
-    /// The device, unless another one is given.
+    /// The device of the file, in what is not given otherwise. A device file says it all.
     pub(super) fn device(&self, given: &DeviceArgs) -> DeviceArgs {
-        if given.target.is_some() || given.dut.is_some() {
-            return given.clone();
+        let given = given.clone();
+        if given.dut.is_some() {
+            return given;
         }
         let Device { dut, target, node, eds, modules, load } = self.device.clone();
-        let modules = Plugged::of(&modules);
-        let load = given.load.or(load);
-        DeviceArgs { dut, target, node: Some(node), eds, modules, load, ..given.clone() }
+        DeviceArgs {
+            dut,
+            target: given.target.or(target),
+            node: given.node.or(Some(node)),
+            eds: given.eds.or(eds),
+            modules: given.modules.or(&modules),
+            load: given.load.or(load),
+            ..given
+        }
     }
 }

@@ -16,6 +16,8 @@ pub(super) struct Summary<'r> {
     text: String,
     is_wrong: bool,
     devices: usize,
+    /// The frames that were judged.
+    judged: usize,
 }
 
 /// What is said where no device is named.
@@ -27,7 +29,7 @@ const NAMED: usize = 4;
 
 impl<'r> Summary<'r> {
     pub(super) const fn new(register: &'r Register) -> Self {
-        Self { register, text: String::new(), is_wrong: false, devices: 0 }
+        Self { register, text: String::new(), is_wrong: false, devices: 0, judged: 0 }
     }
 
     /// A device of which nobody has the data sheet.
@@ -44,6 +46,7 @@ impl<'r> Summary<'r> {
     pub(super) fn add(&mut self, judge: &Judge<'_>) {
         let (heard, findings) = (judge.listener.heard(), judge.listener.findings());
         self.devices += 1;
+        self.judged += heard.judged;
         self.is_wrong |= !findings.is_empty();
         let (name, node) = (&judge.name, judge.node);
         let text = &mut self.text;
@@ -56,6 +59,13 @@ impl<'r> Summary<'r> {
             heard.open,
             findings.len(),
         );
+        if heard.judged == 0 {
+            _ = writeln!(
+                text,
+                "  nothing was judged: no frame says that node {node} boots, or its state; \
+                 `--device NAME@ID` gives another node id"
+            );
+        }
         if let Some(said) = unjudged(judge.unjudged) {
             _ = writeln!(text, "  not judged: what the application decides, in {said}");
         }
@@ -130,7 +140,7 @@ impl<'r> Summary<'r> {
 
     /// The exit code that it makes.
     pub(super) const fn exit(&self) -> Exit {
-        match (self.is_wrong, self.devices) {
+        match (self.is_wrong, self.judged) {
             (true, _) => Exit::Failed,
             (false, 0) => Exit::NothingRan,
             (false, _) => Exit::Green,

@@ -59,16 +59,16 @@ impl CaseOutcome<'_> {
     /// what is to be noted: where all that judges is among them, the case says nothing.
     pub(super) fn declined(&mut self, case: &Case) -> Option<String> {
         let (place, what) = self.declined.take()?;
-        let refused = format!("the device refused {what}, which is allowed");
+        let allowed = format!("{what}, which is allowed");
         let judging = case.judging_steps();
         let is_untried = judging.first().is_some_and(|(first, _)| *first >= place)
             && judging.last().is_some_and(|(last, _)| *last > place);
         let is_enough = case.steps[place].value.is_enough();
         if is_untried && !is_enough && self.outcome == Outcome::Pass {
-            self.outcome = Outcome::Skip(format!("{refused}, before anything was judged"));
+            self.outcome = Outcome::Skip(format!("{allowed}, before anything was judged"));
             return None;
         }
-        Some(format!("{refused}; the remaining steps were skipped"))
+        Some(format!("{allowed}; the remaining steps were skipped"))
     }
 
     /// The device failed where steps go on after that, although what follows cannot be made then.

@@ -72,8 +72,7 @@ pub(super) fn run_phase<'s>(
                 return Ok(false);
             }
             Err(Trouble::Declined(what)) if phase == Phase::Setup => {
-                result.outcome =
-                    Outcome::Skip(format!("the device refused {what}, which is allowed"));
+                result.outcome = Outcome::Skip(format!("{what}, which is allowed"));
                 return Ok(false);
             }
             Err(Trouble::Declined(what)) => {
@@ -114,7 +113,7 @@ fn prevented(difference: &Difference) -> Option<String> {
         Ok(Response::Abort(mux, code @ (Abort::LOCAL_CONTROL | Abort::DEVICE_STATE)))
             if mux.index >= 0x2000 || STORAGE.contains(&mux.index) =>
         {
-            Some(format!("access to {mux}: {code}"))
+            Some(format!("the device refused access to {mux}: {code}"))
         }
         _ => None,
     }

@@ -14,6 +14,8 @@ pub(super) struct Reliance<'p> {
     relied: BTreeSet<&'p str>,
     /// Those that do not hold.
     broken: BTreeMap<&'p str, Broken<'p>>,
+    /// Those that a case has shown to hold.
+    holding: BTreeSet<&'p str>,
     /// Those that are kept in another way than the usual one, and how that showed.
     bent: BTreeMap<&'p str, String>,
     /// The cases about them that are undecided.
@@ -27,6 +29,8 @@ pub(super) struct Reliance<'p> {
 /// How it showed that a requirement does not hold.
 struct Broken<'p> {
     why: String,
+    /// Whether a case has tried it. Else the case about it was blocked, and nobody knows.
+    tried: bool,
     /// The case that showed it, or that showed what blocked the case about it.
     shown_by: Option<&'p Instance>,
     /// Whether that case is to be looked at again before the first one that it blocks: the reason
@@ -44,6 +48,7 @@ impl<'p> Reliance<'p> {
         Self {
             relied,
             broken: BTreeMap::new(),
+            holding: BTreeSet::new(),
             bent: BTreeMap::new(),
             undecided: Vec::new(),
             witnesses: in_order(plan.witnesses.iter().collect()),
@@ -80,7 +85,11 @@ impl<'p> Reliance<'p> {
     /// Why a case cannot say anything about the device.
     pub(super) fn blocks(&self, instance: &Instance) -> Option<String> {
         let (id, broken) = instance.relies_on().find_map(|id| self.broken.get_key_value(id))?;
-        Some(format!("{id} does not hold on this device: {}", broken.why))
+        let why = &broken.why;
+        Some(match broken.tried {
+            true => format!("{id} does not hold on this device: {why}"),
+            false => format!("{id} was not tried: {why}"),
+        })
     }
 
     /// The case that showed what blocks this one, if it was not looked at again.
@@ -147,10 +156,29 @@ impl<'p> Reliance<'p> {
             (Outcome::Undecided(_), _) => self.undecided.push(instance),
             (Outcome::Blocked(why), _) => {
                 let blocking = instance.relies_on().find_map(|id| self.broken.get(id));
-                self.breaks(instance, why, blocking.and_then(|broken| broken.shown_by), false);
+                let shown_by = blocking.and_then(|broken| broken.shown_by);
+                // Where another case has shown that it holds, nothing is unknown.
+                let unknown = checks(instance).filter(|id| !self.holding.contains(id));
+                for id in unknown.collect::<Vec<_>>() {
+                    let (why, tried, doubted) = (why.clone(), false, false);
+                    let broken = Broken { why, tried, shown_by, doubted };
+                    self.broken.entry(id).or_insert(broken);
+                }
             }
             (_, Some(problem)) if outcome.holds_against_device() => {
-                self.breaks(instance, &showed(problem), Some(instance), true);
+                let why = showed(problem);
+                for id in checks(instance) {
+                    let (why, tried, shown_by) = (why.clone(), true, Some(instance));
+                    let broken = Broken { why, tried, shown_by, doubted: true };
+                    match self.broken.get(id) {
+                        Some(known) if known.tried => {}
+                        _ => _ = self.broken.insert(id, broken),
+                    }
+                }
+            }
+            (Outcome::Pass, _) => {
+                self.holding.extend(checks(instance));
+                self.broken.retain(|id, broken| broken.tried || !self.holding.contains(id));
             }
             (Outcome::Lenient(problem), _) => {
                 for id in checks(instance) {
@@ -158,19 +186,6 @@ impl<'p> Reliance<'p> {
                 }
             }
             _ => {}
-        }
-    }
-
-    fn breaks(
-        &mut self,
-        of: &'p Instance,
-        why: &str,
-        shown_by: Option<&'p Instance>,
-        doubted: bool,
-    ) {
-        for id in checks(of) {
-            let why = why.to_owned();
-            self.broken.entry(id).or_insert(Broken { why, shown_by, doubted });
         }
     }
 

@@ -65,7 +65,7 @@ impl Steps<'_, '_> {
         let actual = format!("no frame {id} within {} of {requests}", show_time(within));
         if ask.or_silence {
             self.allows(Allowance::OrSilence);
-            return Err(Trouble::Declined(format!("{strict}: {actual}")));
+            return Err(Trouble::Declined(format!("expected {strict}, came {actual}")));
         }
         let expected = match ask.count {
             Some(count) if count > 1 => format!("{strict} to request {number} of {count}"),

@@ -54,7 +54,7 @@ pub(in crate::run) enum Trouble {
     Unjudged(String),
     /// The bus failed.
     Bus(BusError),
-    /// The device made a permitted refusal, so that nothing is left to judge: what it refused.
+    /// The device did what it may do instead, after which nothing is left to judge.
     Declined(String),
 }
 

@@ -71,7 +71,7 @@ impl Steps<'_, '_> {
             Judged::Wrong(_, difference) if read.or_another => {
                 self.allows(Allowance::OrAnother);
                 let Difference { expected, actual, .. } = about(difference);
-                return Err(Trouble::Declined(format!("{expected}: {actual}")));
+                return Err(Trouble::Declined(format!("expected {expected}, came {actual}")));
             }
             Judged::Wrong(constraints, difference) => {
                 self.broken(&constraints, about(difference))?
@@ -157,7 +157,7 @@ impl Steps<'_, '_> {
         {
             self.allows(Allowance::OrRefused(place + 1));
             let value = show(self.dut.eds.entry(mux), &data);
-            return Err(Trouble::Declined(format!("{value} in {mux}: {code}")));
+            return Err(Trouble::Declined(format!("the device refused {value} in {mux}: {code}")));
         }
         if let Some(At { value: name, .. }) = write.save.as_deref() {
             self.scope.bind(name.0.to_string(), Binding::Bytes(data.clone()));

@@ -196,7 +196,7 @@ impl Steps<'_, '_> {
             let actual = format!("no frame {id} within {}", show_time(within));
             if reply.or_silence {
                 self.allows(Allowance::OrSilence);
-                return Err(Trouble::Declined(format!("{strict}: {actual}")));
+                return Err(Trouble::Declined(format!("expected {strict}, came {actual}")));
             }
             self.margin = within;
             return self.broken(&[], Difference::new(strict.to_string(), actual));
@@ -226,7 +226,7 @@ impl Steps<'_, '_> {
             if self.pattern(text)?.matches(&got.frame) {
                 self.allows(Allowance::OrElse(place));
                 let meaning = canopen::meaning(&got.frame);
-                return Err(Trouble::Declined(format!("{strict}: {meaning}")));
+                return Err(Trouble::Declined(format!("expected {strict}, came {meaning}")));
             }
         }
         Ok(())
@@ -389,7 +389,7 @@ impl Steps<'_, '_> {
             for (text, place) in never.or_else.iter().zip(1..) {
                 if self.pattern(text)?.matches(&got.frame) {
                     self.allows(Allowance::OrElse(place));
-                    return Err(Trouble::Declined(format!("{expected}: {meaning}")));
+                    return Err(Trouble::Declined(format!("expected {expected}, came {meaning}")));
                 }
             }
             self.margin = got.at.since(start);
