@@ -196,7 +196,8 @@ impl Book {
         }
         let entry = || {
             let text = entries::entry(name, &self.library.catalogue)?;
-            Some(self.with_words(text, name.parse::<Mux>().ok()?.index))
+            let mux: Mux = name.parse().ok()?;
+            Some(self.with_words(text, mux.index, Some(mux.sub)))
         };
         match (sheet, self.word(name).or_else(|| self.code(name)).or_else(entry)) {
             (Some((text, _)), Some(known)) => Some(text + "\n" + &known),
@@ -430,12 +431,12 @@ impl Book {
             (Some(known), Some(own)) => known + "\n" + &own,
             (known, own) => known.or(own)?,
         };
-        Some(self.with_words(text, index))
+        Some(self.with_words(text, index, None))
     }
 
     /// What is said of an object, and the words for it.
-    fn with_words(&self, text: String, index: u16) -> String {
-        match self.words_of_object(index) {
+    fn with_words(&self, text: String, index: u16, sub: Option<u8>) -> String {
+        match self.words_of_object(index, sub) {
             Some(words) => text + "\n" + &words,
             None => text,
         }

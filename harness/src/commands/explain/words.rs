@@ -40,17 +40,26 @@ impl Book {
         (!meanings.is_empty()).then_some(page.0)
     }
 
-    /// The words by which suites call the entries of an object, each with the value of one count.
-    pub(super) fn words_of_object(&self, index: u16) -> Option<String> {
+    /// The words by which suites call an entry, or all of an object, each with the value of one
+    /// count. Of an object with many words, how many.
+    pub(super) fn words_of_object(&self, index: u16, sub: Option<u8>) -> Option<String> {
+        const MOST: usize = 16;
         let mut known = BTreeMap::<String, BTreeSet<&str>>::new();
         for suite in &self.library.suites {
-            for (mux, word, count) in suite.words.objects_of(index) {
+            let words = suite.words.objects_of(index);
+            let words = words.filter(|(mux, ..)| sub.is_none_or(|sub| sub == mux.sub));
+            for (mux, word, count) in words {
                 let unit = count.map(|count| format!(", {count} a count"));
                 let said = format!("{mux} {word}{}", unit.unwrap_or_default());
                 known.entry(said).or_default().insert(suite.name().split('/').next()?);
             }
         }
-        let mut page = Page::new(format!("words for {index:04X}h in suites"));
+        let sub = sub.map_or_else(|| "h".to_owned(), |sub| format!(":{sub:02X}"));
+        let mut page = Page::new(format!("words for {index:04X}{sub} in suites"));
+        if known.len() > MOST {
+            page.field("words", &format!("{}, those of an entry: {index:04X}:01", known.len()));
+            return Some(page.0);
+        }
         for (said, folders) in &known {
             let folders: Vec<&str> = folders.iter().copied().collect();
             page.field("word", &format!("{said} ({})", folders.join(", ")));
