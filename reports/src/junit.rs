@@ -15,7 +15,7 @@ use crate::fact::{Noticed, facts};
 use crate::run::{CaseRun, DeviceRun, Run, SuiteRun};
 use crate::style::Style;
 use crate::terminal::details;
-use crate::verdict::{Grade, Outcome, Phase, Problem, Verdict};
+use crate::verdict::{Grade, Outcome, Phase, Problem};
 
 /// Writes the whole file.
 ///

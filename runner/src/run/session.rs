@@ -400,9 +400,7 @@ impl Session<'_> {
             let lost = || lost().map(|why| Outcome::not_run(shortly(why)));
             if let Some(outcome) = excused.or_else(blocked).or_else(lost) {
                 reliance.learn(instance, &outcome);
-                let relies_on = self.rests_on(instance, &outcome, &[]);
-                let end = CaseEnded::of(&started, link.mark(), outcome);
-                link.emit(Event::CaseEnded(CaseEnded { relies_on, ..end }));
+                self.ends(link, instance, &started, outcome, &[]);
                 continue;
             }
             let mut finished = self.repeated(link, common, instance, left);
@@ -502,12 +500,24 @@ impl Session<'_> {
             self.say_ways_back(link);
         }
         let outcome = self.waivers.apply(&self.plan.dut.name, started, outcome);
-        let relies_on = self.rests_on(instance, &outcome, &finished.commanded);
-        let end = CaseEnded::of(started, link.mark(), outcome.clone());
-        link.emit(Event::CaseEnded(CaseEnded { relies_on, ..end }));
+        self.ends(link, instance, started, outcome.clone(), &finished.commanded);
         let (name, case) = (&self.plan.dut.name, started.name());
         say_of_other_nodes(link, format_args!("while {case} ran on {name}"));
         outcome
+    }
+
+    /// Reports how a case ended. `by` are the NMT commands whose effects should be there.
+    fn ends(
+        &self,
+        link: &mut Link,
+        instance: &Instance,
+        case: &CaseStarted,
+        outcome: Outcome,
+        by: &[Service],
+    ) {
+        let relies_on = self.rests_on(instance, &outcome, by);
+        let end = CaseEnded::of(case, link.mark(), outcome);
+        link.emit(Event::CaseEnded(CaseEnded { relies_on, ..end }));
     }
 
     /// The requirements on which a result rests: those that the case relies on, those that it tries

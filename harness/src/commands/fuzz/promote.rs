@@ -195,7 +195,13 @@ impl Trial<'_> {
         for freedoms in [Vec::new(), of_belief.collect()].into_iter().chain(alone) {
             let Some(mut bus) = self.on_model(&freedoms) else { continue };
             let outcome = self.outcome(&library, &plan, &mut bus, &Undo::default());
-            if !matches!(outcome.verdict(), Verdict::Pass | Verdict::Lenient) {
+            let is_green = match outcome.verdict() {
+                Verdict::Pass | Verdict::Lenient => true,
+                // With a freedom it may decline what comes before.
+                Verdict::Skip => !freedoms.is_empty(),
+                _ => false,
+            };
+            if !is_green {
                 let with: Vec<&str> = freedoms.iter().map(|it| it.name.as_str()).collect();
                 let outcome = said(&outcome);
                 return Ok(Err(if with.is_empty() {
