@@ -187,7 +187,8 @@ impl Folders {
     }
 
     /// The files by name. Unless there are `only` folders, those of `HARNESS_DATA` are read, or
-    /// else the copy in this program. A file of a later folder replaces the one of the same name.
+    /// else the copy in this program. A suite of a later folder replaces the one of the same name;
+    /// what suites share is never replaced.
     /// `suites/` here takes the place of the copy when it has a register of its own and no folder
     /// is named.
     pub(crate) fn sources(&self) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
@@ -225,6 +226,9 @@ impl Folders {
             for (name, source) in of_folder {
                 if folder != here {
                     let other = own.insert(name.clone(), Arc::clone(&source));
+                    // Suites beside them rest on what they share.
+                    let shared = sources.get(&name).filter(|_| is_shared(&name)).cloned();
+                    let other = other.or(shared);
                     if let Some(other) = other.filter(|other| other.text != source.text) {
                         return Err(vec![same_name(&source, &other)]);
                     }
@@ -260,6 +264,11 @@ fn checks(source: &Source, id: &str) -> bool {
         let before = &source.text[..place];
         before.rfind("checks:") > before.rfind("relies-on:")
     })
+}
+
+/// Whether it is a file that suites share.
+fn is_shared(name: &str) -> bool {
+    ["steps.yaml", "words.yaml"].iter().any(|shared| name.rsplit('/').next() == Some(shared))
 }
 
 /// Whether these are other files, or say something else.
