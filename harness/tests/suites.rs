@@ -35,6 +35,10 @@ fn every_suite_passes_on_every_device_of_this_program() {
         if let Outcome::Skip(reason) = &case.outcome {
             let name = case.info.name();
             assert!(!reason.trim().is_empty(), "{name} is skipped without a reason");
+            // What a device may decline, a freedom takes: `qualify` demands that one does.
+            if reason.ends_with("which is allowed, before anything was judged") {
+                continue;
+            }
             // The device with everything shows that each case for any device can be met.
             let everything = device.info.device == "generic";
             let for_any = case.info.suite.starts_with("cia");
