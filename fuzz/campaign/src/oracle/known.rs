@@ -147,6 +147,10 @@ impl Known {
                 self.knows(&[HEARTBEAT..=HEARTBEAT]) && !(guards && self.joined)
             }
             Class::Tpdo(tpdo) => self.decides_tpdo(tpdo, what, model),
+            // How long it is does not depend on what it says.
+            Class::Emergency if frame.data.len() != 8 => {
+                !self.lacks(Mux::new(*EMERGENCY.start(), 0))
+            }
             Class::Emergency => self.knows(&[EMERGENCY]) && self.knows(causes(frame)),
             Class::Other if is_sync(frame, od) => !self.joined && self.knows(&[SYNC, OVERFLOW]),
             Class::Other => self.knows(&[SYNC, 0x1012..=0x1015, SERVERS, TPDOS]),
