@@ -251,6 +251,11 @@ decisions! {
         true
     }
 
+    /// The inhibit time applies to event-driven TPDOs, and to none that SYNC triggers (7.5.2.37).
+    fn inhibit_time_applies(&self, kind: u8) -> bool {
+        kind >= 254
+    }
+
     /// The inhibit time holds back what the event timer triggers as well (7.5.2.37).
     fn event_timer_is_inhibited(&self) -> bool {
         true
@@ -376,6 +381,7 @@ deviations! {
     "tpdo-inhibit-in-tenths-of-a-second" =>
         pdo_inhibit: |_, configured| Duration::from_millis(100) * u32::from(configured);
     "held-back-inputs-not-sent-at-start" => tpdo_sent_at_start: |_, held_back| !held_back;
+    "inhibit-time-of-every-tpdo" => inhibit_time_applies: |_, _| true;
     "inhibit-time-of-the-first-tpdo" => pdo_parameter_of: |_, direction, pdo, sub| {
         if (direction, sub) == (Direction::Transmit, 3) { 0 } else { pdo }
     };

@@ -193,7 +193,9 @@ impl Tpdo {
                 self.syncs = Some(count);
                 if base.rules.cyclic_tpdo_due(count, self.kind) {
                     self.syncs = Some(0);
-                    self.transmit(now, base, out);
+                    if !base.rules.inhibit_time_applies(self.kind) || self.free_at <= now {
+                        self.transmit(now, base, out);
+                    }
                 }
             }
             // A remote request is answered with the sample of the last SYNC, however old it is.
@@ -253,12 +255,11 @@ impl Tpdo {
         self.remember(base);
         self.pending = false;
         out.push(Frame::new(self.cob.can_id(), self.last));
-        // The inhibit time does not apply to PDOs that SYNC triggers.
-        if self.is_event_driven() {
+        if base.rules.inhibit_time_applies(self.kind) {
             self.free_at = now + self.inhibit;
-            if base.rules.event_timer_restarts() {
-                self.start_timer(now);
-            }
+        }
+        if self.is_event_driven() && base.rules.event_timer_restarts() {
+            self.start_timer(now);
         }
     }
 
