@@ -143,9 +143,11 @@ impl Reporter {
 
     /// Nothing could be run. The reports say why.
     pub(crate) fn refused(mut self, args: &RunArgs, refused: &Refused) {
-        let why = refused.message.trim_start_matches("error: ");
-        let why = why.lines().next().unwrap_or_default();
-        for event in unfinished::events(args, why, refused.exit as u8) {
+        let mut lines = refused.message.trim_start_matches("error: ").lines();
+        let why = lines.next().unwrap_or_default();
+        let place = lines.next().and_then(|line| line.trim_start().strip_prefix("--> "));
+        let why = place.map_or_else(|| why.to_owned(), |place| format!("{place}: {why}"));
+        for event in unfinished::events(args, &why, refused.exit as u8) {
             self.record(&event);
             self.run.apply(&event).unwrap_or_else(|error| panic!("{error}"));
         }

@@ -58,6 +58,7 @@ pub fn compared(now: &Run, before: &Run) -> Comparison {
     }
     Comparison {
         runs,
+        notes: same_program(now, before).into_iter().collect(),
         new,
         cured,
         not_decided,
@@ -71,9 +72,12 @@ pub fn compared(now: &Run, before: &Run) -> Comparison {
 /// A run by its target, its devices and when it began.
 fn said(run: &Run) -> String {
     let Some(started) = &run.started else { return String::new() };
-    let devices =
-        run.devices.iter().map(|it| format!("{} (node {})", it.info.device, it.info.node));
-    let devices: Vec<String> = devices.collect();
+    let device = |device: &DeviceRun| {
+        let info = &device.info;
+        let software = info.versions.software.iter().map(|it| format!(", software {it}"));
+        format!("{} (node {}{})", info.device, info.node, software.collect::<String>())
+    };
+    let devices: Vec<String> = run.devices.iter().map(device).collect();
     let began = started.began.map_or_else(
         || "in virtual time".to_owned(),
         |it| format!("began {}", moment_in_words(it)),
@@ -82,13 +86,35 @@ fn said(run: &Run) -> String {
         many if many > MOST_DEVICES => format!("{many} devices"),
         _ => devices.join(", "),
     };
-    clean(&format!("{devices}, target {}, {began}, harness {}", started.target, started.harness))
+    let target = &started.target;
+    let program = program(started).map(|it| format!(" (its SHA-256: {})", it.sha256));
+    let target = target.clone() + &program.unwrap_or_default();
+    clean(&format!("{devices}, target {target}, {began}, harness {}", started.harness))
+}
+
+/// The program under test, where the device is one.
+fn program(started: &RunStarted) -> Option<&Origin> {
+    let is_program = |file: &&Origin| is_of_target(started, file);
+    started.files.iter().find(is_program).filter(|_| started.target.contains("exec:"))
+}
+
+/// Whether the target names a file: a new firmware is what runs are compared for.
+fn is_of_target(started: &RunStarted, file: &Origin) -> bool {
+    started.target.contains(&file.from)
+}
+
+/// What is said of runs of the same program: nothing that is different comes from the firmware.
+fn same_program(now: &Run, before: &Run) -> Option<String> {
+    let [now, before] = [now, before].map(|run| run.started.as_ref().and_then(program));
+    let (now, before) = (now?, before?);
+    let text = "both runs tested the same program: its SHA-256 did not change";
+    (now.sha256 == before.sha256).then(|| text.to_owned())
 }
 
 /// What a run is made with that decides which cases run and what is waived. What the target names
-/// is not among it: a new firmware is what runs are compared for.
+/// is not among it.
 fn files(started: &RunStarted) -> Vec<Origin> {
-    let of_user = started.files.iter().filter(|file| !started.target.contains(&file.from));
+    let of_user = started.files.iter().filter(|file| !is_of_target(started, file));
     started.suites.iter().chain(of_user).cloned().collect()
 }
 

@@ -2,6 +2,7 @@
 //! decided now, and which cases changed.
 
 use std::cmp::Reverse;
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use crate::verdict::Verdict;
@@ -11,6 +12,8 @@ use crate::verdict::Verdict;
 pub struct Comparison {
     /// This run and the earlier one, each by target, devices and time.
     pub runs: [String; 2],
+    /// What a reader has to know before the rest: that both runs tested the same program.
+    pub notes: Vec<String>,
     /// What makes the run red, or is tolerated or waived, and did not before.
     pub new: Vec<KnownCause>,
     /// What did before, and does no longer: all its cases ran and are decided.
@@ -76,49 +79,55 @@ impl Comparison {
             && self.moved.is_empty()
     }
 
-    /// The changes that are told one by one, those that need work first. A case that is BLOCKED
-    /// now follows from another that is told, and one that did not run says nothing.
+    /// The changes that are told one by one, those that need work first. What follows from another
+    /// that is told, or did not run, is counted.
     pub(crate) fn told(&self) -> impl Iterator<Item = &Change> {
-        self.changed.iter().filter(|change| !change.says_nothing())
+        self.changed.iter().filter(|change| !change.follows())
     }
 
-    /// How many cases are BLOCKED that were not, and how many did not run that did.
-    pub(crate) fn untold(&self) -> Vec<String> {
-        let counted = |now: Option<Verdict>, said: &str| {
-            let count = self.changed.iter().filter(|change| change.now == now).count();
+    /// How many changes are not told one by one when `listed` of the others are, by their kind.
+    pub(crate) fn untold(&self, listed: usize) -> Vec<String> {
+        let rest = self.changed.iter().filter(|change| change.follows());
+        let mut kinds = BTreeMap::new();
+        for change in self.told().skip(listed).chain(rest) {
+            *kinds.entry((change.rank(), change.verdicts())).or_insert(0_usize) += 1;
+        }
+        let counted = |((_, verdicts), count): ((u8, String), usize)| {
             let cases = if count == 1 { "case" } else { "cases" };
-            (count > 0).then(|| format!("{count} {cases}: {said}"))
+            format!("{count} {cases}: {verdicts}")
         };
-        let lines = [(Some(Verdict::Blocked), "now BLOCKED"), (None, "not run now")];
-        lines.into_iter().filter_map(|(now, said)| counted(now, said)).collect()
+        kinds.into_iter().map(counted).collect()
     }
 
-    /// The causes that are different, each with what happened to it.
-    pub(crate) fn causes(&self) -> impl Iterator<Item = (&'static str, &KnownCause)> {
-        let parts = [("new", &self.new), ("cured", &self.cured), ("open", &self.not_decided)];
-        parts.into_iter().flat_map(|(what, causes)| causes.iter().map(move |cause| (what, cause)))
+    /// What is different, line by line, each with its kind: causes that are `new`, `cured` or not
+    /// decided (`open`), cases that `changed`, characteristics that `moved`. Many of a kind leave
+    /// room for the next.
+    pub(crate) fn lines(&self) -> Vec<(&'static str, String)> {
+        let mut lines = Vec::new();
+        for (kind, causes) in self.causes() {
+            lines.extend(causes.iter().take(MOST).map(|it| (kind, it.text.replace('\n', " "))));
+            let more = causes.len().saturating_sub(MOST);
+            lines.extend((more > 0).then(|| (kind, format!("{more} more"))));
+        }
+        lines.extend(self.told().take(MOST).map(|it| ("changed", it.text())));
+        lines.extend(self.untold(MOST).into_iter().map(|text| ("changed", text)));
+        lines.extend(self.moved.iter().map(|it| ("moved", it.text())));
+        lines
     }
 
-    /// In words, for a terminal: what is new, what is cured, what is not decided now, and which
-    /// cases changed.
+    /// The causes that are different, by what happened to them.
+    pub(crate) fn causes(&self) -> [(&'static str, &[KnownCause]); 3] {
+        [("new", &self.new), ("cured", &self.cured), ("open", &self.not_decided)]
+    }
+
+    /// In words, for a terminal: which runs these are, what is different, and the numbers.
     pub fn text(&self) -> String {
-        let mut text = String::new();
-        for (what, cause) in self.causes() {
-            // Writing to a string does not fail.
-            let _ = writeln!(text, "{what:<8}{}", cause.text.replace('\n', " "));
-        }
-        for change in self.told().take(MOST_CHANGES) {
-            let _ = writeln!(text, "changed {}", change.text());
-        }
-        let more = self.told().count().saturating_sub(MOST_CHANGES);
-        if more > 0 {
-            let _ = writeln!(text, "changed {more} more");
-        }
-        for line in self.untold() {
-            let _ = writeln!(text, "changed {line}");
-        }
-        for moved in &self.moved {
-            let _ = writeln!(text, "moved   {}", moved.text());
+        let [now, before] = &self.runs;
+        // Writing to a string does not fail.
+        let mut text = format!("{:<8}{now}\n{:<8}{before}\n", "now", "before");
+        let notes = self.notes.iter().map(|note| ("note", note.clone()));
+        for (kind, line) in notes.chain(self.lines()) {
+            let _ = writeln!(text, "{kind:<8}{line}");
         }
         text + &self.last_line()
     }
@@ -149,8 +158,12 @@ impl Comparison {
 }
 
 impl Change {
-    const fn says_nothing(&self) -> bool {
-        matches!(self.now, None | Some(Verdict::Blocked))
+    /// Whether it says nothing of its own: what is or was BLOCKED follows from another case.
+    const fn follows(&self) -> bool {
+        matches!(
+            (self.before, self.now),
+            (_, None | Some(Verdict::Blocked)) | (Some(Verdict::Blocked), Some(Verdict::Pass))
+        )
     }
 
     /// Its place in the order of what matters: what is red or tolerated now comes first, what says
@@ -171,14 +184,13 @@ impl Change {
 
     /// `generic cia301/nmt/boot-up: PASS, now FAIL`.
     pub fn text(&self) -> String {
+        format!("{} {}: {}", self.device, self.name, self.verdicts())
+    }
+
+    /// `PASS, now FAIL`.
+    fn verdicts(&self) -> String {
         let verdict = |it: Option<Verdict>| it.map_or("not run", Verdict::name);
-        format!(
-            "{} {}: {}, now {}",
-            self.device,
-            self.name,
-            verdict(self.before),
-            verdict(self.now)
-        )
+        format!("{}, now {}", verdict(self.before), verdict(self.now))
     }
 }
 
@@ -190,8 +202,8 @@ impl Moved {
     }
 }
 
-/// How many changed cases are listed.
-pub(crate) const MOST_CHANGES: usize = 50;
+/// How many lines of a kind are listed.
+const MOST: usize = 50;
 
 /// ` (4 FAIL, 2 LENIENT)`, of causes that are not all FAIL; else nothing.
 pub(crate) fn kinds(verdicts: impl Iterator<Item = Verdict>) -> String {
@@ -217,7 +229,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_needs_work_is_read_first_and_what_says_nothing_is_counted() {
+    fn what_needs_work_is_read_first_and_what_follows_is_counted() {
         let now = [
             ("a", Some(Verdict::Blocked)),
             ("b", Some(Verdict::Pass)),
@@ -234,17 +246,52 @@ mod tests {
             now,
         };
         let mut changed = now.map(change).to_vec();
+        // Cured causes are the reason why these pass.
+        let blocked = Some(Verdict::Blocked);
+        changed.extend(["h", "i"].map(|name| change((name, Some(Verdict::Pass)))));
+        changed[7..].iter_mut().for_each(|change| change.before = blocked);
         changed.sort_by_key(Change::rank);
-        let text = Comparison { changed, ..Comparison::default() }.text();
+        let runs = ["pump, target can0", "pump, target can1"].map(str::to_owned);
+        let text = Comparison { runs, changed, ..Comparison::default() }.text();
         let expected = [
+            "now     pump, target can0",
+            "before  pump, target can1",
             "changed pump g: SKIP, now FAIL",
             "changed pump e: SKIP, now ERROR",
             "changed pump c: SKIP, now LENIENT",
             "changed pump b: SKIP, now PASS",
-            "changed 2 cases: now BLOCKED",
-            "changed 1 case: not run now",
-            "0 causes new, 0 cured, 0 as before, 0 not decided now, 7 cases changed",
+            "changed 2 cases: BLOCKED, now PASS",
+            "changed 1 case: SKIP, now not run",
+            "changed 2 cases: SKIP, now BLOCKED",
+            "0 causes new, 0 cured, 0 as before, 0 not decided now, 9 cases changed",
         ];
         assert_eq!(text.lines().collect::<Vec<_>>(), expected);
+    }
+
+    #[test]
+    fn many_of_a_kind_leave_room_for_the_next() {
+        let cause = |text: String| KnownCause { text, verdict: Verdict::Fail };
+        let change = |place: usize| Change {
+            device: "pump".to_owned(),
+            name: format!("case-{place}"),
+            before: Some(if place < 60 { Verdict::Pass } else { Verdict::Fail }),
+            now: Some(if place < 60 { Verdict::Fail } else { Verdict::Pass }),
+        };
+        let comparison = Comparison {
+            new: (0..70).map(|place| cause(format!("new {place}"))).collect(),
+            cured: vec![cause("the old one".to_owned())],
+            changed: (0..65).map(change).collect(),
+            ..Comparison::default()
+        };
+        let lines = comparison.lines();
+        let said: Vec<_> = lines.iter().map(|(kind, text)| (*kind, text.as_str())).collect();
+        for expected in [
+            ("new", "20 more"),
+            ("cured", "the old one"),
+            ("changed", "10 cases: PASS, now FAIL"),
+            ("changed", "5 cases: FAIL, now PASS"),
+        ] {
+            assert!(said.contains(&expected), "{expected:?} in {said:?}");
+        }
     }
 }

@@ -102,6 +102,10 @@ struct Cause {
 #[derive(Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 struct Compared<'r> {
+    /// This run and the earlier one, in words.
+    runs: &'r [String; 2],
+    /// What a reader has to know before the rest: that both runs tested the same program.
+    notes: &'r [String],
     regression: bool,
     new: Vec<&'r str>,
     /// What does not occur any more, while all its cases ran and are decided.
@@ -288,6 +292,8 @@ impl<'r> Report<'r> {
             outdated: run.ended.as_ref().map_or(&[], |it| &it.outdated),
             counts: counted(run.counts()),
             comparison: run.comparison.as_ref().map(|it| Compared {
+                runs: &it.runs,
+                notes: &it.notes,
                 regression: it.is_regression,
                 new: it.new.iter().map(|cause| cause.text.as_str()).collect(),
                 cured: it.cured.iter().map(|cause| cause.text.as_str()).collect(),

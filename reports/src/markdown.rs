@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
-use crate::comparison::{Comparison, MOST_CHANGES};
+use crate::comparison::Comparison;
 use crate::digest::{Cause, Digest, Reason};
 use crate::run::Run;
 use crate::side_by_side::SideBySide;
@@ -71,7 +71,11 @@ fn compared(comparison: &Comparison, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "## Compared with the earlier run\n")?;
     let [now, before] = &comparison.runs;
     writeln!(out, "- this run: {}", escaped(now))?;
-    writeln!(out, "- earlier: {}\n", escaped(before))?;
+    writeln!(out, "- earlier: {}", escaped(before))?;
+    for note in &comparison.notes {
+        writeln!(out, "- **note**: {}", escaped(note))?;
+    }
+    writeln!(out)?;
     writeln!(out, "{}", escaped(comparison.last_line().trim_end()))?;
     writeln!(out)?;
     if comparison.is_empty() {
@@ -80,21 +84,8 @@ fn compared(comparison: &Comparison, out: &mut dyn Write) -> io::Result<()> {
     if comparison.is_regression {
         writeln!(out, "**A regression: what was green is red.**\n")?;
     }
-    for (what, cause) in comparison.causes().take(MOST_CAUSES) {
-        writeln!(out, "- **{what}**: {}", escaped(&cause.text))?;
-    }
-    for change in comparison.told().take(MOST_CHANGES) {
-        writeln!(out, "- {}", escaped(&change.text()))?;
-    }
-    let more = comparison.told().count().saturating_sub(MOST_CHANGES);
-    if more > 0 {
-        writeln!(out, "- {more} more cases changed")?;
-    }
-    for line in comparison.untold() {
-        writeln!(out, "- {line}")?;
-    }
-    for moved in &comparison.moved {
-        writeln!(out, "- **Moved**: {}", escaped(&moved.text()))?;
+    for (kind, line) in comparison.lines() {
+        writeln!(out, "- **{kind}**: {}", escaped(&line))?;
     }
     writeln!(out)
 }

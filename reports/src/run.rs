@@ -250,6 +250,11 @@ impl Run {
         }
     }
 
+    /// Whether no case of a suite is in it, but one that stands for the run.
+    pub(crate) fn has_no_case(&self) -> bool {
+        self.cases().all(|(_, case)| case.info.file.is_empty())
+    }
+
     /// Whether each case ran several times.
     pub(crate) fn is_repeated(&self) -> bool {
         self.started.as_ref().is_some_and(|run| run.repeat.is_some())

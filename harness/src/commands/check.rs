@@ -12,6 +12,7 @@ use reference_devices::freedom::{self, Freedom};
 use reference_devices::mutant::{self, Mutant};
 use runner::dut::Dut;
 use runner::parallel;
+use runner::plan::{Fate, Plan};
 use runner::suite::{self, Library, Register};
 
 use super::counted::counted;
@@ -70,7 +71,9 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
         Some(own) => {
             // The user's suites are for the user's device, and may name objects that others lack.
             let mut plans = plan_for(&of_the_program(&library), &duts)?;
-            plans.append(&mut plan_for(&library, &[own])?);
+            let of_own = plan_for(&library, &[own])?;
+            of_own.iter().for_each(say_what_is_skipped);
+            plans.extend(of_own);
             plans
         }
     };
@@ -100,6 +103,17 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
          {freedoms}: no errors\n"
     ));
     Ok(Exit::Green)
+}
+
+/// Names the cases of the user's suites that do not run on the device: a slip in what one of them
+/// requires looks the same.
+fn say_what_is_skipped(plan: &Plan) {
+    let of_user = plan.instances.iter().filter(|instance| !instance.suite.is_built_in);
+    for instance in of_user {
+        if let Fate::Lacking(reason) = &instance.fate {
+            complain!("note: {} would be SKIP on {}: {reason}", instance.name(), plan.dut.name);
+        }
+    }
 }
 
 /// How to check suites for a device that is not the program's.

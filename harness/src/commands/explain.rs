@@ -1,6 +1,7 @@
 //! `harness explain`: explains any name that appears in a report.
 
 mod entries;
+mod notation;
 mod words;
 
 use std::collections::BTreeSet;
@@ -32,7 +33,7 @@ use crate::target::{quoted, read_eds, reference_device};
 
 /// Explains a case, a suite, a requirement, a decision, a mutant, a freedom, a personality, an
 /// object, a finding in a data sheet, an abort code, an emergency error code, a verdict, a step, a
-/// name of the bench or a number of CiA's conformance test.
+/// name of the bench, a key of suites or a number of CiA's conformance test.
 ///
 /// # Errors
 /// When nothing has that name; what was meant, perhaps.
@@ -55,9 +56,22 @@ pub(super) fn run(args: &ExplainArgs) -> Result<Exit, Refused> {
     let book = Book { mutants, freedoms, personalities, library, options, own, sheet };
     let name = args.name.join(" ");
     let name = name.trim().strip_prefix("step ").unwrap_or_else(|| name.trim());
+    let name = &address(name).unwrap_or_else(|| name.to_owned());
     let text = book.explain(name).ok_or_else(|| book.unknown(name))?;
     say(&text);
     Ok(Exit::Green)
+}
+
+/// The address of an entry as it is written everywhere: `2001:01` for `2001:1` and `2001h:1`.
+fn address(name: &str) -> Option<String> {
+    let (index, sub) = name.split_once(':')?;
+    let index = index.trim_start_matches("0x").trim_end_matches('h');
+    let hex = |text: &str| u16::from_str_radix(text, 16).ok();
+    (index.len() == 4 && (1..=2).contains(&sub.len())).then_some(format!(
+        "{:04X}:{:02X}",
+        hex(index)?,
+        hex(sub)?
+    ))
 }
 
 /// Everything that has a name.
@@ -150,7 +164,7 @@ impl Book {
         let cases = cases.map(|(suite, case)| self.case(suite, case));
         // A case may well have the name of a step, of a suite, or of the option that it is about.
         let suite = self.library.suites.iter().find(|suite| suite.name() == name);
-        let before = words::step(name).into_iter().chain(suite.map(|suite| suite_text(suite)));
+        let before = notation::step(name).into_iter().chain(suite.map(|suite| suite_text(suite)));
         let before = before.chain(option(name, &self.library.catalogue));
         let mut texts: Vec<String> = before.chain(cases).collect();
         if !texts.is_empty() {

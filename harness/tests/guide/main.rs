@@ -150,12 +150,17 @@ fn every_chapter_is_in_the_summary_once() {
     assert_eq!(once, chapters.collect());
 }
 
-/// The README, and the chapters in their order.
+/// The READMEs of the project and of a release, and the chapters in their order.
 fn guide() -> Vec<Page> {
     let summary = Page::read(&project(), "docs/src/SUMMARY.md");
     let chapters = summary.links.iter().map(|(_, link)| format!("docs/src/{link}"));
-    let files = [String::from("README.md"), String::from("docs/README.md")];
-    files.into_iter().chain(chapters).map(|file| Page::read(&project(), &file)).collect()
+    let files = ["README.md", "docs/archive.md", "docs/README.md"];
+    files
+        .into_iter()
+        .map(String::from)
+        .chain(chapters)
+        .map(|file| Page::read(&project(), &file))
+        .collect()
 }
 
 /// Those of the folders, which show commands as well.

@@ -39,10 +39,12 @@ pub fn summary(run: &Run, style: Style, verbosity: Verbosity) -> String {
     }
     grouped(run, &mut text);
     again(run, &mut text);
+    let tried = run.started.as_ref().and_then(|it| it.repeat);
+    let tried = tried.map(|times| format!("; each case ran {times} times")).unwrap_or_default();
     let counts = run.counts();
     let _ = match run.worst() {
-        Some(worst) => writeln!(text, "{}", style.verdict(worst, counts)),
-        None => writeln!(text, "{counts}"),
+        Some(worst) => writeln!(text, "{}{tried}", style.verdict(worst, counts)),
+        None => writeln!(text, "{counts}{tried}"),
     };
     text
 }
@@ -309,8 +311,24 @@ fn again(run: &Run, text: &mut String) {
         if !flaky.is_empty() && !run.is_repeated() {
             let again = format!("{rerun} --repeat {OFTEN} {flaky}");
             let _ = writeln!(text, "flaky, look closer: {}", one_line(&again));
+            // A repeat begins with what the case itself left, not with what the one before it did.
+            if let Some(before) = before_a_flaky_one(device) {
+                let again = format!("{rerun} {} {flaky}", shell_word(&before));
+                let _ = writeln!(text, "  after the case before it: {}", one_line(&again));
+            }
         }
     }
+}
+
+/// The case that ran before the first one that is FLAKY.
+fn before_a_flaky_one(device: &DeviceRun) -> Option<String> {
+    let mut ran = device.cases().filter(|case| case.outcome.is_decided());
+    let mut before = None;
+    ran.find_map(|case| {
+        let is_flaky = matches!(case.outcome, Outcome::Flaky { .. });
+        let last = before.replace(case.info.name());
+        is_flaky.then_some(last)
+    })?
 }
 
 /// How often a case is repeated to see whether it is flaky. One that fails once in five times

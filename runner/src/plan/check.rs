@@ -68,11 +68,9 @@ fn required_object(
         let message = "what a case requires is an object such as \"1017:00\"";
         return Err(Complaint::at(&suite.source, object.place, message));
     };
-    // A suite of this crate names what the devices have for which it was written. With another data
-    // sheet the case is skipped.
-    let is_of_others = suite.is_built_in && !dut.sheet.trusted;
+    // With the data sheet of a user the case is skipped. A suite may be for several of their devices.
     let known = absent
-        || is_of_others
+        || !dut.sheet.trusted
         || suite.catalogue.lookup(&profiles_of(suite), mux.index).is_some()
         || dut.eds.object(mux.index).is_some();
     match known {

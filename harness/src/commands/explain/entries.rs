@@ -17,9 +17,11 @@ pub(super) fn entry(name: &str, catalogue: &Catalogue) -> Option<String> {
     let mut same = BTreeMap::<String, Vec<&str>>::new();
     for name in devices::names() {
         let Ok(device) = reference_device(name, Catalogue::built_in()) else { continue };
-        let eds = &device.description.eds;
-        if let Some(entry) = eds.entry(mux) {
-            same.entry(described(entry, eds)).or_default().push(name);
+        let description = &device.description;
+        if let Some(entry) = description.eds.entry(mux) {
+            let means = description.notes.get(&mux).and_then(|note| note.doc.as_ref());
+            let means = means.map(|doc| format!("\n{}", doc.trim())).unwrap_or_default();
+            same.entry(described(entry, &description.eds) + &means).or_default().push(name);
         }
     }
     let mut page = Page::new(format!("object {mux}"));
@@ -68,7 +70,12 @@ pub(super) fn of_devices(index: u16, catalogue: &Catalogue) -> Option<String> {
         let has_subs = description.eds.object(index).is_some_and(|it| it.kind.has_subs());
         let docs = notes.filter_map(|(mux, note)| {
             let doc = note.doc.as_ref().filter(|doc| !known.contains(doc.trim()))?;
-            Some(if has_subs { format!("sub {}: {}", mux.sub, doc.trim()) } else { doc.clone() })
+            // The number as the device's document writes it, and as an address has it.
+            let sub = match mux.sub {
+                sub @ 0..10 => format!("sub {sub}"),
+                sub => format!("sub {sub} ({sub:02X}h)"),
+            };
+            Some(if has_subs { format!("{sub}: {}", doc.trim()) } else { doc.clone() })
         });
         let head = head.filter(|doc| !known.contains(doc.trim()));
         let object = description.eds.object(index).filter(|_| !is_known);
@@ -93,7 +100,9 @@ pub(super) fn of_devices(index: u16, catalogue: &Catalogue) -> Option<String> {
 fn by_device(page: &mut Page, same: &BTreeMap<String, Vec<&str>>) {
     for (text, devices) in same {
         let (first, others) = devices.split_first().unwrap_or((&"", &[]));
-        page.field(first, text);
+        let mut lines = text.lines();
+        page.field(first, lines.next().unwrap_or_default());
+        lines.for_each(|line| page.more(line));
         if !others.is_empty() {
             page.more(&format!("the same in {}", others.join(", ")));
         }

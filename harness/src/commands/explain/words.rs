@@ -1,17 +1,14 @@
-//! What reports and suites say beside names of their own: verdicts, steps, names of the bench, and
-//! the numbers of CiA's conformance test.
+//! What reports and suites say beside names of their own: verdicts, names of the bench, and the
+//! numbers of CiA's conformance test.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use canopen::bench::{NAMES, is_known};
 use reports::Verdict;
 use runner::suite::step::Step;
-use runner::suite::suite_schema;
 
+use super::notation::{self, NOTATION};
 use super::{Book, Page, full_name};
-
-/// The notation, for people.
-const NOTATION: &str = include_str!("../../../../suites/README.md");
 
 impl Book {
     /// Explains such a word.
@@ -20,6 +17,7 @@ impl Book {
             .or_else(|| self.test_number(name))
             .or_else(|| self.of_bench(name))
             .or_else(|| self.of_suites(name))
+            .or_else(|| notation::key(name))
     }
 
     /// What a word stands for in suites.
@@ -57,7 +55,8 @@ impl Book {
         let sub = sub.map_or_else(|| "h".to_owned(), |sub| format!(":{sub:02X}"));
         let mut page = Page::new(format!("words for {index:04X}{sub} in suites"));
         if known.len() > MOST {
-            page.field("words", &format!("{}, those of an entry: {index:04X}:01", known.len()));
+            let shown = format!("{}; `harness explain {index:04X}:01` shows", known.len());
+            page.field("words", &(shown + " those of one entry"));
             return Some(page.0);
         }
         for (said, folders) in &known {
@@ -71,7 +70,8 @@ impl Book {
     pub(super) fn words(&self) -> impl Iterator<Item = String> {
         let verdicts = Verdict::ALL.into_iter().map(|verdict| verdict.name().to_owned());
         let numbers = self.library.test_map.iter().map(|entry| entry.value.number.value.clone());
-        verdicts.chain(numbers).chain(NAMES.iter().map(|name| (*name).to_owned()))
+        let names = NAMES.iter().map(|name| (*name).to_owned());
+        verdicts.chain(numbers).chain(names).chain(notation::keys())
     }
 
     /// A check of CiA's conformance test, such as `2.19`.
@@ -131,41 +131,6 @@ fn verdict(name: &str) -> Option<String> {
     Some(page.0)
 }
 
-/// A step of the notation, described by the schema of suites.
-pub(super) fn step(name: &str) -> Option<String> {
-    let schema = suite_schema();
-    let variants = schema["definitions"]["Step"]["oneOf"].as_array()?;
-    let variant = variants.iter().find(|variant| !variant["properties"][name].is_null())?;
-    let mut page = Page::new(format!("step {name}"));
-    page.field("does", &one_line(variant["description"].as_str()?));
-    if let Some((form, says)) = row_of_step(name) {
-        page.field("written", &form.replace('`', ""));
-        page.field("says", &says.replace('`', ""));
-    }
-    let target = variant["properties"][name]["$ref"]
-        .as_str()
-        .or_else(|| variant["properties"][name]["allOf"][0]["$ref"].as_str());
-    let definition = target.and_then(|target| target.rsplit('/').next());
-    let keys = definition.map(|definition| &schema["definitions"][definition]["properties"]);
-    for (key, value) in keys.and_then(|keys| keys.as_object()).into_iter().flatten() {
-        let means = value["description"].as_str().unwrap_or_default();
-        page.field(key, &one_line(means));
-    }
-    Some(page.0)
-}
-
-/// What the table of the notation says of a step: how it is written, and what it does then.
-fn row_of_step(name: &str) -> Option<(&'static str, &'static str)> {
-    let rows = NOTATION.lines().filter_map(|line| line.strip_prefix("| `")?.strip_suffix(" |"));
-    let mut cells = rows.filter_map(|row| row.split_once("` | "));
-    let begins = |form: &str| form.strip_prefix(name).is_some_and(|rest| rest.starts_with(": "));
-    cells.find(|(form, _)| begins(form))
-}
-
-fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -176,16 +141,5 @@ mod tests {
             assert!(bench_value(name).is_some(), "{name} has no row in suites/README.md");
         }
         assert!(bench_value("analogue-input-3").unwrap().contains("16 bits"));
-    }
-
-    #[test]
-    fn every_step_says_how_it_is_written() {
-        let schema = suite_schema();
-        let variants = schema["definitions"]["Step"]["oneOf"].as_array().unwrap();
-        let names = variants.iter().flat_map(|it| it["properties"].as_object().unwrap().keys());
-        let without: Vec<&String> = names.filter(|name| row_of_step(name).is_none()).collect();
-        // The first one stands beside `sync`, and the others are of tables and named steps.
-        assert_eq!(without, ["produce", "for", "rows", "steps", "use"]);
-        assert!(row_of_step("measure").unwrap().0.contains("{ frame, count, interval"));
     }
 }
