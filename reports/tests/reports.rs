@@ -11,9 +11,9 @@ use std::{env, fs};
 use canopen::Mux;
 use pcap_file::pcapng::{Block, PcapNgReader};
 use reports::{
-    Campaign, CaseEnded, Event, FORMATS, Grade, Keep, OutOfOrder, Outcome, RECORDINGS, Recording,
-    Run, RunEnded, Shard, Style, Verdict, compared, facts, github, journal, junit, merged,
-    terminal,
+    Campaign, CaseEnded, Event, FORMATS, Grade, Keep, Origin, OutOfOrder, Outcome, RECORDINGS,
+    Recording, Run, RunEnded, Shard, Style, Verdict, compared, facts, github, journal, junit,
+    merged, terminal,
 };
 
 const PLAIN: Style = Style { color: false };
@@ -451,7 +451,19 @@ fn grades() {
     if let Event::RunStarted(run) = &mut events[0] {
         run.grade = Grade::Lenient;
     }
-    assert!(fold(&events, Keep::All).is_green());
+    let run = fold(&events, Keep::All);
+    assert!(run.is_green());
+    let junit_of = |run: &Run| {
+        let junit = FORMATS.iter().find(|it| it.flag == "junit").expect("it is a format");
+        whole(junit.write, run)
+    };
+    assert!(!junit_of(&run).contains("<failure"));
+    if let Event::RunStarted(run) = &mut events[0] {
+        run.grade = Grade::Strict;
+    }
+    // A gate that reads JUnit sees what the exit code says.
+    let strict = junit_of(&fold(&events, Keep::All));
+    assert!(strict.contains("<failure") && strict.contains("failures=\"1\""), "{strict}");
 }
 
 /// The frames of a recording are those of the journal, in their order.
@@ -630,6 +642,53 @@ fn a_comparison_names_both_runs_and_a_cause_as_the_run_does() {
     let [now, before] = &comparison.runs;
     assert_eq!(now, "generic (node 2), target sim, began 2023-11-14 22:13:20 UTC, harness 0.1.0");
     assert!(before.contains("in virtual time"), "{before}");
+}
+
+#[test]
+fn runs_of_the_same_program_are_told() {
+    let of_program = |sha256: &str, software: &str| {
+        let mut events = fixture::failing(&[("NMT-05", "702#04", &[])]);
+        if let Event::RunStarted(started) = &mut events[0] {
+            started.target = "exec:./firmware".to_owned();
+            let origin = |from: &str, sha256: &str| Origin {
+                from: from.to_owned(),
+                sha256: sha256.to_owned(),
+            };
+            started.files = vec![origin("dut.yaml", "0123"), origin("./firmware", sha256)];
+        }
+        if let Event::DeviceStarted(device) = &mut events[1] {
+            device.versions.software = Some(software.to_owned());
+        }
+        fold(&events, Keep::Unusual)
+    };
+    let before = of_program("aaaa", "1.0");
+    for (now, said) in [(of_program("aaaa", "1.0"), true), (of_program("bbbb", "1.1"), false)] {
+        let text = compared(&now, &before).text();
+        assert_eq!(text.contains("note    both runs tested the same program"), said, "{text}");
+        let program =
+            "now     generic (node 2, software 1.1), target exec:./firmware (its SHA-256: bbbb)";
+        assert_eq!(text.contains(program), !said, "{text}");
+    }
+}
+
+/// What a case before it left shows only after that case.
+#[test]
+fn a_flaky_case_names_the_one_that_ran_before_it() {
+    let mut events = fixture::failing(&[("NMT-05", "702#04", &[]), ("HB-01", "702#05", &[])]);
+    let mut ends = events.iter_mut().filter_map(|event| match event {
+        Event::CaseEnded(end) => Some(end),
+        _ => None,
+    });
+    ends.next().expect("there are two").outcome = Outcome::Pass;
+    let flaky = ends.next().expect("there are two");
+    if let Outcome::Fail(problem) = &flaky.outcome {
+        flaky.outcome = Outcome::Flaky { problem: problem.clone(), failed: 1, of: 2 };
+    }
+    let run = fold(&events, Keep::Unusual);
+    let summary = terminal::summary(&run, PLAIN, terminal::Verbosity::Quiet);
+    assert!(summary.contains("--repeat 20 cia301/some/case-1\n"), "{summary}");
+    let together = "after the case before it: harness cia301/some/case-0 cia301/some/case-1\n";
+    assert!(summary.contains(together), "{summary}");
 }
 
 #[test]

@@ -109,12 +109,22 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
 /// requires looks the same.
 fn say_what_is_skipped(plan: &Plan) {
     let of_user = plan.instances.iter().filter(|instance| !instance.suite.is_built_in);
-    for instance in of_user {
-        if let Fate::Lacking(reason) = &instance.fate {
-            complain!("note: {} would be SKIP on {}: {reason}", instance.name(), plan.dut.name);
-        }
+    let lacking = of_user.filter_map(|instance| match &instance.fate {
+        Fate::Lacking(reason) => Some((instance.name(), reason)),
+        _ => None,
+    });
+    let lacking: Vec<_> = lacking.collect();
+    for (name, reason) in lacking.iter().take(MOST_SKIPPED) {
+        complain!("note: {name} would be SKIP on {}: {reason}", plan.dut.name);
+    }
+    let more = lacking.len().saturating_sub(MOST_SKIPPED);
+    if more > 0 {
+        complain!("note: and {more} more; `harness list` names them");
     }
 }
+
+/// Of how many cases it is said that they do not run.
+const MOST_SKIPPED: usize = 20;
 
 /// How to check suites for a device that is not the program's.
 fn again(files: &[PathBuf], folders: &Folders, device: &str) -> String {

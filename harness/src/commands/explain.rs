@@ -627,6 +627,7 @@ impl Page {
     }
 
     fn field(&mut self, label: &str, text: &str) {
+        let label = format!("{label} ");
         let line = format!("  {label:<LABEL$}{text}");
         self.0.push_str(line.trim_end());
         self.0.push('\n');

@@ -47,7 +47,9 @@ pub(in crate::commands) fn group(
         let mutants: Vec<usize> = suspects.iter().map(|suspect| suspect.mutant).collect();
         let mut says = BTreeMap::new();
         let mut order = Vec::new();
-        for mutant in mutants.iter().map(|place| &blueprint.mutants()[*place]) {
+        // One that explains less is named for nobody: its requirement would mislead.
+        for place in mutants.iter().take(likeliest) {
+            let mutant = &blueprint.mutants()[*place];
             let clause = mutant.clauses.join(", ");
             if order.len() < NAMED && says.insert(clause.clone(), ()).is_none() {
                 order.push((clause, mutant.why.clone()));

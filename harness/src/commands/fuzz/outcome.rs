@@ -85,6 +85,10 @@ fn text_of(of: &Found) -> String {
     text + "\n"
 }
 
+/// What a data sheet does not tell.
+const NOT_JUDGED: &str = "not judged: what the application decides, such as values of objects from \
+                          2000h on and when event-driven TPDOs come";
+
 /// How much of what was not judged is named.
 const NAMED: usize = 12;
 
@@ -181,7 +185,15 @@ impl Outcome {
             let rest = (!left_out.is_empty()).then(|| format!("not judged: {shown}{more}"));
             std::iter::once(share).chain(rest)
         });
-        learnt.chain(explored).chain(changes).chain(void).chain(undecided).chain(further).collect()
+        let by_sheet = self.0.explored.is_none().then(|| NOT_JUDGED.to_owned());
+        learnt
+            .chain(explored)
+            .chain(by_sheet)
+            .chain(changes)
+            .chain(void)
+            .chain(undecided)
+            .chain(further)
+            .collect()
     }
 
     /// The same for people; with `goals`, how often each kind of action was tried.
