@@ -195,12 +195,18 @@ fn say_sheet(text: &mut String, args: &InitArgs, sheet: &Sheet, eds: &Eds) {
         quoted(&path.display().to_string())
     };
     let count = eds.objects.len();
+    let named = |text: &mut String, path: &Path| {
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        text.push_str("# Its name in reports, and for `device:` in suites of your own.\n");
+        _ = writeln!(text, "# device: {name}");
+    };
     match sheet {
         Sheet::Given(path) => {
             _ = writeln!(text, "eds: {}  # {count} objects", relative(path));
             if args.modules.is_said() {
                 _ = writeln!(text, "modules: {:?}", args.modules.numbers());
             }
+            named(text, path);
         }
         Sheet::OfProgram(name) => {
             _ = writeln!(text, "# The data sheet of this device is part of the program.");
@@ -210,6 +216,7 @@ fn say_sheet(text: &mut String, args: &InitArgs, sheet: &Sheet, eds: &Eds) {
         Sheet::Generated(path) => {
             text.push_str("# Generated from the answers of the device: the vendor's is better.\n");
             _ = writeln!(text, "eds: {}  # {count} objects", relative(path));
+            named(text, path);
         }
     }
 }

@@ -223,9 +223,12 @@ impl<'c, 'l> Freedoms<'c, 'l> {
         // Writing to a string cannot fail.
         _ = writeln!(
             text,
-            "{}: {} freedoms{unseen}, {} personalities and {} mixtures, {} of them red",
+            "{}: {}{unseen}, {} personalities and {} mixtures, {} of them red",
             self.compared.clean.name(),
-            self.single.len(),
+            match self.single.len() {
+                1 => "1 freedom".to_owned(),
+                count => format!("{count} freedoms"),
+            },
             self.personalities.len(),
             self.mixtures,
             red(&self.single) + red(&self.groups) + red(&self.personalities) + red(&self.red),

@@ -161,10 +161,11 @@ impl Matrix {
         // Writing to a string cannot fail.
         _ = writeln!(
             text,
-            "{}: {}, {killed} killed{canary}; {} apply, {} of them killed a mutant of this device",
+            "{}: {}, {killed} killed{canary}; {} {}, {} of them killed a mutant of this device",
             self.device,
             counted(self.rows.len(), "mutant"),
             counted(self.clean.len(), "case"),
+            if self.clean.len() == 1 { "applies" } else { "apply" },
             proved.len(),
         );
         for row in self.rows.iter().filter(|_| verbose) {
