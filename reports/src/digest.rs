@@ -2,7 +2,7 @@
 //! tested and why, the requirements. Pages and summaries show it.
 
 use std::cmp::Reverse;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use canopen::NmtState;
 
@@ -84,6 +84,8 @@ pub(crate) struct Cause {
     pub(crate) expected: String,
     pub(crate) came: String,
     pub(crate) says: Vec<String>,
+    /// The requirements that its other cases show to be broken.
+    pub(crate) also_red: Vec<String>,
     /// The decisions on them where the document leaves room.
     pub(crate) decided: Vec<String>,
     pub(crate) waiver: Option<String>,
@@ -376,6 +378,7 @@ impl Cause {
             expected,
             came,
             says: says.collect(),
+            also_red: also_red(fact),
             decided: case
                 .info
                 .checks
@@ -396,6 +399,14 @@ impl Cause {
         }
     }
 
+    /// The first of the other requirements, and how many more there are.
+    pub(crate) fn also_red(&self) -> Option<String> {
+        let listed = self.also_red.iter().take(MOST_LISTED).cloned().collect::<Vec<_>>();
+        let more = self.also_red.len().saturating_sub(MOST_LISTED);
+        let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+        (!listed.is_empty()).then(|| listed.join(", ") + &more)
+    }
+
     pub(crate) fn total(&self) -> usize {
         self.instances.len() + self.more
     }
@@ -408,6 +419,16 @@ impl Cause {
         milder.for_each(|(verdict, count)| text.push_str(&format!(" + {count} {verdict}")));
         text
     }
+}
+
+/// The requirements of the other cases that show it, which the first one is not about.
+fn also_red(fact: &Fact<'_>) -> Vec<String> {
+    let first = &fact.first.2.info.checks;
+    let red = fact.cases.iter().filter(|(.., case)| case.outcome.holds_against_device());
+    let checks = red.flat_map(|(.., case)| case.info.checks.iter());
+    let others = checks.filter(|check| first.iter().all(|known| known.id != check.id));
+    let others: BTreeSet<&str> = others.map(|check| &*check.id).collect();
+    others.into_iter().map(str::to_owned).collect()
 }
 
 /// How many cases of a fact have a milder verdict than the worst one.

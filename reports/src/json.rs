@@ -90,6 +90,8 @@ struct Cause {
     service: String,
     expected: String,
     came: String,
+    /// The requirements that other cases of it show to be broken, which the first one is not about.
+    also_red: Vec<String>,
     waived: Option<String>,
     /// How many instances show it.
     cases: usize,
@@ -327,6 +329,7 @@ impl Cause {
             service: cause.service,
             expected: cause.expected,
             came: cause.came,
+            also_red: cause.also_red,
             waived: cause.waiver,
             first: cause.instances,
             run_again: cause.again,

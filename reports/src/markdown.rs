@@ -120,7 +120,8 @@ fn rows(causes: &[&Cause], out: &mut dyn Write, last: impl Fn(&Cause) -> String)
         let (verdict, total) = (cause.verdict, cause.counted());
         let decided = cause.decided.iter().map(|said| format!("\ndecided {said}"));
         let says = cause.says.iter().map(|says| format!("\n{says}"));
-        let said = cause.said.clone() + &says.chain(decided).collect::<String>();
+        let also = cause.also_red().into_iter().map(|ids| format!("\nalso red: {ids}"));
+        let said = cause.said.clone() + &says.chain(also).chain(decided).collect::<String>();
         let (service, said) = (escaped(&cause.service), escaped(&said));
         writeln!(out, "| {verdict} | {total} | {service} | {said} | {} |", last(cause))?;
     }
