@@ -33,9 +33,9 @@ pub struct SuiteFile {
     /// Requirements without which no case of this suite says anything about a device: where one is
     /// broken, the cases are BLOCKED.
     #[serde(default)]
-    pub relies_on: Vec<At<String>>,
+    pub relies_on: Box<[At<String>]>,
     /// The cases.
-    pub cases: Vec<At<Case>>,
+    pub cases: Box<[At<Case>]>,
 }
 
 /// A sentence that is true of a conformant device, and the steps that find out.
@@ -47,11 +47,11 @@ pub struct Case {
     /// The sentence.
     pub title: Arc<str>,
     /// The requirements it checks.
-    pub checks: Vec<At<String>>,
+    pub checks: Box<[At<String>]>,
     /// Requirements without which the case says nothing about a device: where one is broken, it is
     /// BLOCKED.
     #[serde(default)]
-    pub relies_on: Vec<At<String>>,
+    pub relies_on: Box<[At<String>]>,
     /// Makes one instance for each of something the device has.
     #[serde(default)]
     pub each: Option<At<Each>>,
@@ -60,13 +60,13 @@ pub struct Case {
     pub matrix: BTreeMap<String, At<Vec<At<Literal>>>>,
     /// What the device must have; otherwise the case is skipped with that reason.
     #[serde(default)]
-    pub requires: Vec<At<Requires>>,
+    pub requires: Box<[At<Requires>]>,
     /// NMT state the case starts in; PRE-OPERATIONAL unless said otherwise.
     #[serde(default)]
     pub state: Option<State>,
     /// What the device may do meanwhile without a step that waits for it.
     #[serde(default)]
-    pub tolerates: Vec<Tolerated>,
+    pub tolerates: Box<[Tolerated]>,
     /// What must have been done before; a failure here is an ERROR, not a FAIL, or BLOCKED if the
     /// case relies on something.
     #[serde(default)]
