@@ -100,6 +100,12 @@ impl Iterator for Blocks {
     }
 }
 
+impl AsRef<[u8]> for Block {
+    fn as_ref(&self) -> &[u8] {
+        &self.bytes
+    }
+}
+
 impl Block {
     /// The number of its first line, and its text.
     ///

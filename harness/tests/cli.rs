@@ -466,7 +466,7 @@ fn a_run_that_is_killed_leaves_the_frames_of_its_open_case() {
     let cases: Vec<_> = run.devices[0].cases().collect();
     let verdicts: Vec<Verdict> = cases.iter().map(|case| case.verdict()).collect();
     assert_eq!(verdicts, [Verdict::Pass, Verdict::Error], "a case that did not end is an error");
-    assert!(cases[1].trace.len() >= 100, "{} frames", cases[1].trace.len());
+    assert!(cases[1].record().trace.len() >= 100, "{} frames", cases[1].record().trace.len());
     assert!(run.ended.is_none());
     let junit = fs::read_to_string(folder.path().join("junit.xml")).unwrap();
     assert!(junit.contains("<error") && junit.contains("did not come to its end"), "{junit}");

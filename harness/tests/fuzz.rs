@@ -46,7 +46,7 @@ fn a_campaign_leaves_what_a_run_leaves() {
     assert_eq!(cases, expected.map(|(name, verdict)| (name.to_owned(), verdict)));
     let (_, cause) = run.cases().last().unwrap();
     assert!(cause.info.checks.iter().any(|check| &*check.id == "CIA301-SEG-02"));
-    assert!(!cause.trace.is_empty());
+    assert!(!cause.record().trace.is_empty());
     let junit = fs::read_to_string(path("junit.xml")).unwrap();
     assert!(junit.contains("name=\"sdo-toggle-unchecked\"") && junit.contains("<failure"));
 

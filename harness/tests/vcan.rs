@@ -478,8 +478,9 @@ fn a_device_that_dies_in_the_middle_still_gives_a_report() {
 
     let run = files.run();
     // A case for which the tester was late is repeated, and by then the device has gone.
-    let late =
-        run.cases().any(|(_, case)| case.notes.iter().any(|note| note.text.contains("late")));
+    let late = run
+        .cases()
+        .any(|(_, case)| case.record().notes.iter().any(|note| note.text.contains("late")));
     let expected = [
         ("before", Verdict::Pass),
         ("during", if late { Verdict::Error } else { Verdict::Fail }),

@@ -70,15 +70,22 @@ impl Cause {
     }
 }
 
-/// `CIA301-PDO-01, 18xx:01: expected refused with 0609 0030h, came accepted`.
-impl fmt::Display for Cause {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+impl Cause {
+    /// The same with another difference, such as the values of one instance.
+    pub(crate) fn with(&self, difference: &str) -> String {
         let about = [Some(&self.requirement), self.object.as_ref()].into_iter().flatten();
         let about: Vec<&str> = about.map(String::as_str).filter(|text| !text.is_empty()).collect();
         match about.is_empty() {
-            true => f.write_str(&self.difference),
-            false => write!(f, "{}: {}", about.join(", "), self.difference),
+            true => difference.to_owned(),
+            false => format!("{}: {difference}", about.join(", ")),
         }
+    }
+}
+
+/// `CIA301-PDO-01, 18xx:01: expected refused with 0609 0030h, came accepted`.
+impl fmt::Display for Cause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.with(&self.difference))
     }
 }
 

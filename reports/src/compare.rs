@@ -10,6 +10,7 @@ use crate::fact::{Noticed, facts};
 use crate::junit::moment_in_words;
 use crate::run::{CaseRun, DeviceRun, Run};
 use crate::style::clean;
+use crate::terminal::came_instead;
 use crate::verdict::Verdict;
 
 /// What is different in `now` from `before`, on the devices that are tested now.
@@ -58,7 +59,7 @@ pub fn compared(now: &Run, before: &Run) -> Comparison {
     }
     Comparison {
         runs,
-        notes: same_program(now, before).into_iter().collect(),
+        notes: same_firmware(now, before).into_iter().collect(),
         new,
         cured,
         not_decided,
@@ -89,7 +90,9 @@ fn said(run: &Run) -> String {
     let target = &started.target;
     let program = program(started).map(|it| format!(" (its SHA-256: {})", it.sha256));
     let target = target.clone() + &program.unwrap_or_default();
-    clean(&format!("{devices}, target {target}, {began}, harness {}", started.harness))
+    let journals = Origin::in_words(&run.journals).map(|it| format!(", journal {it}"));
+    let journals = journals.unwrap_or_default();
+    clean(&format!("{devices}, target {target}, {began}, harness {}{journals}", started.harness))
 }
 
 /// The program under test, where the device is one.
@@ -103,12 +106,24 @@ fn is_of_target(started: &RunStarted, file: &Origin) -> bool {
     started.target.contains(&file.from)
 }
 
-/// What is said of runs of the same program: nothing that is different comes from the firmware.
-fn same_program(now: &Run, before: &Run) -> Option<String> {
-    let [now, before] = [now, before].map(|run| run.started.as_ref().and_then(program));
-    let (now, before) = (now?, before?);
-    let text = "both runs tested the same program: its SHA-256 did not change";
-    (now.sha256 == before.sha256).then(|| text.to_owned())
+/// What is said of runs that tested the same program, or devices that name the same software:
+/// nothing that is different comes from the firmware then, or nobody can tell.
+fn same_firmware(now: &Run, before: &Run) -> Option<String> {
+    let programs = [now, before].map(|run| run.started.as_ref().and_then(program));
+    if let [Some(now), Some(before)] = programs {
+        let text = "both runs tested the same program: its SHA-256 did not change";
+        return (now.sha256 == before.sha256).then(|| text.to_owned());
+    }
+    let software = |run: &Run| {
+        let of = |device: &DeviceRun| {
+            let info = &device.info;
+            Some((info.device.clone(), info.versions.software.clone()?))
+        };
+        run.devices.iter().filter_map(of).collect::<BTreeSet<_>>()
+    };
+    let (now, before) = (software(now), software(before));
+    let text = "the software version (100Ah) is the same in both runs";
+    (!now.is_empty() && now == before).then(|| text.to_owned())
 }
 
 /// What a run is made with that decides which cases run and what is waived. What the target names
@@ -153,6 +168,8 @@ type Name = (String, String);
 /// A cause of a run, and the cases that show it.
 struct Shown<'r> {
     known: KnownCause,
+    /// The same without what differs from instance to instance.
+    kind: String,
     causes: BTreeSet<(&'r str, &'r Cause)>,
     cases: BTreeSet<Name>,
 }
@@ -161,7 +178,7 @@ impl Shown<'_> {
     /// Whether both runs show it: in the same words, or by a cause of a case that is in both. The
     /// case that explains the others may be in one run only.
     fn is_same(&self, other: &Shown<'_>) -> bool {
-        self.known.text == other.known.text || !self.causes.is_disjoint(&other.causes)
+        self.kind == other.kind || !self.causes.is_disjoint(&other.causes)
     }
 
     /// How many of its cases the other run does not decide, and why; `None` where all are decided.
@@ -187,16 +204,22 @@ fn causes(run: &Run, of: impl Fn(&str) -> bool) -> Vec<Shown<'_>> {
         let is_tested = |noticed: &&Noticed<'_>| of(&noticed.1.info.device);
         let tested = || fact.cases.iter().filter(is_tested);
         let (_, device, case) = *Some(&fact.first).filter(is_tested).or_else(|| tested().next())?;
-        let cause = fact.cause()?.to_string();
-        let named = device.info.objects.in_text(&cause);
-        let text = clean(&format!("{} {}: {named}", device.info.device, case.info.suite));
+        let cause = fact.cause()?;
+        let said = |cause: &str| {
+            let named = device.info.objects.in_text(cause);
+            clean(&format!("{} {}: {named}", device.info.device, case.info.suite))
+        };
+        let kind = said(&cause.to_string());
+        // The values of the case that explains the others: a cause has none.
+        let values = case.outcome.problem().map(came_instead);
+        let text = said(&cause.with(values.as_deref().unwrap_or(&cause.difference)));
         let verdict = tested().map(|(.., it)| it.verdict()).max_by_key(|it| it.weight())?;
         let causes = tested().filter_map(|(_, device, it)| {
             Some((device.info.device.as_str(), it.cause.as_deref()?))
         });
         let causes = causes.collect();
         let cases = tested().map(|(_, device, case)| name(device, case)).collect();
-        Some(Shown { known: KnownCause { text, verdict }, causes, cases })
+        Some(Shown { known: KnownCause { text, verdict }, kind, causes, cases })
     });
     facts.collect()
 }

@@ -231,6 +231,7 @@ fn facts_of_run(run: &Run) -> Vec<(&'static str, String)> {
     facts.extend(Origin::in_words(&started.suites).map(|said| ("suites", clean(&said))));
     facts.extend(Origin::in_words(&started.devices).map(|it| ("reference devices", clean(&it))));
     facts.extend(Origin::in_words(&started.files).map(|said| ("files", clean(&said))));
+    facts.extend(Origin::in_words(&run.journals).map(|said| ("journals", clean(&said))));
     facts.extend(started.selection().map(|said| ("selection", said)));
     facts.extend(started.part().map(|part| ("part", part)));
     facts.extend(started.seed.map(|seed| ("seed", seed.to_string())));

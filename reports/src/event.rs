@@ -222,7 +222,7 @@ pub struct CaseStarted {
     pub case: Arc<str>,
     /// The difference from the other instances of its case, such as `period=20 ms`; `None` when the
     /// case has one instance only.
-    pub instance: Option<String>,
+    pub instance: Option<Arc<str>>,
     /// The sentence that is true of a conformant device.
     pub title: Arc<str>,
     /// The requirements it checks.

@@ -53,6 +53,8 @@ pub struct Report<'r> {
     reference_devices: Vec<(&'r str, &'r str)>,
     /// The files of the user, likewise: of each the beginning of the SHA-256 of its bytes.
     files: Vec<(&'r str, &'r str)>,
+    /// The journals from which the report was made, where it was, likewise.
+    journals: Vec<(&'r str, &'r str)>,
     /// What random things are drawn by.
     seed: Option<u64>,
     /// When the run began, in seconds since 1970; `null` in virtual time.
@@ -286,6 +288,7 @@ impl<'r> Report<'r> {
             suites: started.map(|it| origins(&it.suites)).unwrap_or_default(),
             reference_devices: started.map(|it| origins(&it.devices)).unwrap_or_default(),
             files: started.map(|it| origins(&it.files)).unwrap_or_default(),
+            journals: origins(&run.journals),
             seed: started.and_then(|it| it.seed),
             began: started.and_then(|it| it.began),
             green: digest.is_green,
@@ -440,7 +443,7 @@ impl<'r> Case<'r> {
                     .map(Place::of)
                     .collect(),
             }),
-            measured: case.measured.iter().map(Figures::of).collect(),
+            measured: case.record().measured.iter().map(Figures::of).collect(),
         }
     }
 }

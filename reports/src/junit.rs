@@ -76,6 +76,7 @@ fn properties(run: &Run, device: &DeviceRun) -> String {
         ("suites", started.and_then(|run| Origin::in_words(&run.suites))),
         ("reference-devices", started.and_then(|run| Origin::in_words(&run.devices))),
         ("files", started.and_then(|run| Origin::in_words(&run.files))),
+        ("journals", Origin::in_words(&run.journals)),
         ("selection", started.and_then(RunStarted::selection)),
         ("shard", started.and_then(RunStarted::part)),
         ("seed", started.and_then(|run| run.seed).map(|seed| seed.to_string())),

@@ -51,6 +51,6 @@ pub use merge::merged;
 pub use names::ObjectNames;
 pub use recorder::Recorder;
 pub use recording::{RECORDINGS, Recording};
-pub use run::{CaseRun, Counts, DeviceRun, Keep, OutOfOrder, Run, SuiteRun};
+pub use run::{CaseRun, Counts, DeviceRun, Keep, OutOfOrder, Record, Run, SuiteRun};
 pub use style::{Style, printable};
 pub use verdict::{Excerpt, Grade, Outcome, Phase, Problem, Verdict, Waiver};

@@ -14,6 +14,7 @@ pub fn merged(runs: Vec<Run>) -> Run {
     let mut shards: BTreeSet<Shard> = shard(&all).into_iter().collect();
     for run in runs {
         shards.extend(shard(&run));
+        all.journals.extend(run.journals.iter().cloned());
         let is_shard = shard(&run).is_some();
         all.started = all.started.take().map(|started| both(started, &run));
         all.ended = match (all.ended.take(), run.ended) {

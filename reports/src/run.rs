@@ -10,8 +10,8 @@ use crate::cause::Cause;
 use crate::characteristics::{Characteristic, Watched};
 use crate::comparison::Comparison;
 use crate::event::{
-    Begun, CaseEnded, CaseStarted, DeviceStarted, Event, Measured, Note, Repeated, RunEnded,
-    RunStarted, Stimulus,
+    Begun, CaseEnded, CaseStarted, DeviceStarted, Event, Measured, Note, Origin, Repeated,
+    RunEnded, RunStarted, Stimulus,
 };
 use crate::journal::{self, JournalError};
 use crate::verdict::{Grade, Outcome, Problem, Verdict};
@@ -38,14 +38,16 @@ pub struct Run {
     pub ended: Option<RunEnded>,
     /// What it showed, when it is a fuzzing campaign.
     pub campaign: Option<Box<Campaign>>,
+    /// The journals from which it was read, where it was.
+    pub journals: Vec<Origin>,
     /// What is different from an earlier run, where one was given.
     pub comparison: Option<Comparison>,
     keep: Keep,
     watches: bool,
     running: bool,
     suite: usize,
-    /// The memory of a trace that was not kept, for the next one.
-    spare: Vec<Stamped>,
+    /// The memory of a record that was not kept, for the next one.
+    spare: Box<Record>,
     /// When the present attempt at the open case began.
     attempt: Instant,
     /// The latest earlier attempt at it that failed.
@@ -57,12 +59,8 @@ pub struct Run {
 struct Attempt {
     began: Instant,
     ended: Instant,
-    measured: Vec<Measured>,
-    notes: Vec<Note>,
-    steps: Vec<Begun>,
-    stimuli: Vec<Stimulus>,
     frames: usize,
-    trace: Vec<Stamped>,
+    record: Record,
 }
 
 /// The results of one device.
@@ -100,20 +98,37 @@ pub struct CaseRun {
     pub relies_on: Vec<Arc<str>>,
     /// When it was over; the last that is known of it when it did not come to its end.
     pub ended: Instant,
-    /// The figures it took; of a case that was repeated, those of the attempt that its verdict is
-    /// about, as for all below.
+    /// How many frames were on the bus; of a case that was repeated, in the attempt that its verdict
+    /// is about.
+    pub frames: usize,
+    /// Its record, where there is something in it: of most cases nothing is kept.
+    record: Option<Box<Record>>,
+}
+
+/// What was done and seen in a case; of one that was repeated, in the attempt that its verdict is
+/// about. Steps, stimuli and frames of a case that passed are empty when they were not [kept](Keep).
+#[derive(Clone, Debug, Default)]
+pub struct Record {
+    /// The figures it took.
     pub measured: Vec<Measured>,
     /// Remarks, by time.
     pub notes: Vec<Note>,
-    /// Its steps, by time; of a case that passed, empty when they were not [kept](Keep).
+    /// Its steps, by time.
     pub steps: Vec<Begun>,
-    /// The stimuli on the bench, by time; kept in the same way.
+    /// The stimuli on the bench, by time.
     pub stimuli: Vec<Stimulus>,
-    /// How many frames were on the bus.
-    pub frames: usize,
-    /// The frames, by time; empty when they were not [kept](Keep).
+    /// The frames, by time.
     pub trace: Vec<Stamped>,
 }
+
+/// That of a case of which nothing is kept.
+static NOTHING: Record = Record {
+    measured: Vec::new(),
+    notes: Vec::new(),
+    steps: Vec::new(),
+    stimuli: Vec::new(),
+    trace: Vec::new(),
+};
 
 impl Run {
     /// A run of which nothing is known yet.
@@ -167,14 +182,14 @@ impl Run {
                 if let Some(case) = self.open_case() {
                     case.ended = case.ended.max(seen.at);
                     case.frames += 1;
-                    case.trace.push(*seen);
+                    case.record_mut().trace.push(*seen);
                 }
                 Ok(())
             }
             Event::Note(note) => {
                 if let Some(case) = self.open_case() {
                     case.ended = case.ended.max(note.at);
-                    case.notes.push(note.clone());
+                    case.record_mut().notes.push(note.clone());
                 }
                 Ok(())
             }
@@ -182,20 +197,20 @@ impl Run {
             Event::Step(step) => {
                 if let Some(case) = self.open_case() {
                     case.ended = case.ended.max(step.at);
-                    case.steps.push(step.clone());
+                    case.record_mut().steps.push(step.clone());
                 }
                 Ok(())
             }
             Event::Stimulus(stimulus) => {
                 if let Some(case) = self.open_case() {
                     case.ended = case.ended.max(stimulus.at);
-                    case.stimuli.push(stimulus.clone());
+                    case.record_mut().stimuli.push(stimulus.clone());
                 }
                 Ok(())
             }
             Event::Measured(measured) => {
                 let case = self.open_case().ok_or(OutOfOrder("a figure belongs to no case"))?;
-                case.measured.push(measured.clone());
+                case.record_mut().measured.push(measured.clone());
                 Ok(())
             }
             Event::CaseEnded(end) => self.end_case(end),
@@ -307,12 +322,8 @@ impl Run {
             cause: None,
             relies_on: Vec::new(),
             ended: case.at,
-            measured: Vec::new(),
-            notes: Vec::new(),
-            steps: Vec::new(),
-            stimuli: Vec::new(),
             frames: 0,
-            trace: std::mem::take(&mut self.spare),
+            record: Some(std::mem::take(&mut self.spare)),
         });
         (self.running, self.attempt, self.failed) = (true, case.at, None);
         Ok(())
@@ -326,10 +337,10 @@ impl Run {
         case.ended = case.ended.max(note.at);
         let mut attempt = Box::new(Attempt { began, ended: note.at, ..Attempt::default() });
         attempt.swap(case);
-        case.notes.push(note.clone());
+        case.record_mut().notes.push(note.clone());
         self.attempt = note.at;
         if repeated.failed {
-            attempt.notes.push(note);
+            attempt.record.notes.push(note);
             self.failed = Some(attempt);
         }
         Ok(())
@@ -348,13 +359,21 @@ impl Run {
         {
             attempt.swap(case);
         }
+        let mut record = case.record.take().unwrap_or_default();
         if keep == Keep::Unusual && case.verdict().is_usual() {
-            (case.steps, case.stimuli) = (Vec::new(), Vec::new());
-            let mut spare = std::mem::take(&mut case.trace);
-            spare.clear();
-            self.spare = spare;
+            let (measured, notes) =
+                (std::mem::take(&mut record.measured), std::mem::take(&mut record.notes));
+            let said = !measured.is_empty() || !notes.is_empty();
+            let kept = Record { measured, notes, ..Record::default() };
+            case.record = said.then(|| Box::new(kept));
+            // The next case has the room of what was not kept.
+            record.steps.clear();
+            record.stimuli.clear();
+            record.trace.clear();
+            self.spare = record;
         } else {
-            case.trace.shrink_to_fit();
+            record.trace.shrink_to_fit();
+            case.record = Some(record);
         }
         self.running = false;
         Ok(())
@@ -381,12 +400,8 @@ impl Run {
 
 impl Attempt {
     fn swap(&mut self, case: &mut CaseRun) {
-        std::mem::swap(&mut self.measured, &mut case.measured);
-        std::mem::swap(&mut self.notes, &mut case.notes);
-        std::mem::swap(&mut self.steps, &mut case.steps);
-        std::mem::swap(&mut self.stimuli, &mut case.stimuli);
         std::mem::swap(&mut self.frames, &mut case.frames);
-        std::mem::swap(&mut self.trace, &mut case.trace);
+        std::mem::swap(&mut self.record, case.record_mut());
     }
 }
 
@@ -413,10 +428,22 @@ impl CaseRun {
         self.outcome.verdict()
     }
 
+    /// What was done and seen in it.
+    pub fn record(&self) -> &Record {
+        self.record.as_deref().unwrap_or(&NOTHING)
+    }
+
+    fn record_mut(&mut self) -> &mut Record {
+        self.record.get_or_insert_default()
+    }
+
     /// The step that was judged, where it is kept.
     pub(crate) fn step_of(&self, problem: &Problem) -> Option<&Begun> {
         let place = (problem.phase, problem.place.line);
-        self.steps.iter().rfind(|step| step.at <= problem.at && (step.phase, step.line) == place)
+        self.record()
+            .steps
+            .iter()
+            .rfind(|step| step.at <= problem.at && (step.phase, step.line) == place)
     }
 
     /// A time in the case, since it began.

@@ -44,17 +44,17 @@ impl<'c> Story<'c> {
         let mut decoder = Decoder::of_layout(node, pdos, BTreeMap::new());
         let settled = problem.is_none_or(|problem| problem.phase != Phase::Settle);
         let first = steps.first().filter(|_| settled).map_or(Instant::ZERO, |step| step.at);
-        let trace = Trace::read(&case.trace, node, &mut decoder, (first, until));
+        let trace = Trace::read(&case.record().trace, node, &mut decoder, (first, until));
         let subject = problem.map(|problem| Subject::of(problem, &steps, &decoder));
         let subject = subject.unwrap_or_default();
         let excerpt = Excerpt::of(case, &trace, &steps, (&subject, until), room);
         let (reads, pdos) = state::known(&trace, &excerpt, &subject, &steps);
         // What came after the failure is neither shown nor left out.
-        let after = case.trace.len() - trace.frames.len();
+        let after = case.record().trace.len() - trace.frames.len();
         let since = "in seconds since the case began";
         let frames = match (case.frames - after, excerpt.frames) {
             (0, _) => "none".to_owned(),
-            (all, _) if case.trace.is_empty() => format!("{all}, not kept"),
+            (all, _) if case.record().trace.is_empty() => format!("{all}, not kept"),
             (all, some) if all == some => format!("{all}, {since}"),
             (all, some) if after > 0 => format!("{some} of {all}, up to the failure, {since}"),
             (all, some) => format!("{some} of {all}, {since}"),

@@ -82,7 +82,7 @@ impl Printer {
             text.push_str("         -v shows its steps and frames\n");
         }
         if !block && self.verbosity == Verbosity::Verbose {
-            for figures in case.measured.iter().map(details::figures) {
+            for figures in case.record().measured.iter().map(details::figures) {
                 let _ = writeln!(text, "         {}", one_line(&figures.replace('\n', "; ")));
             }
         }
@@ -139,7 +139,8 @@ pub fn case_line(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
     line
 }
 
-fn came_instead(problem: &Problem) -> String {
+/// `expected 5, came 6`, of several lines the first.
+pub(crate) fn came_instead(problem: &Problem) -> String {
     let first = |text: &str| text.lines().next().unwrap_or_default().to_owned();
     format!("expected {}, came {}", first(&problem.expected), first(&problem.actual))
 }

@@ -198,7 +198,8 @@ fn what_failed_and_passed_is_flaky_in_each_format() {
     assert!(markdown.contains("| FLAKY | 1 |") && markdown.contains("in 1 of 2 attempts"));
     assert!(github::annotations(&run, |_| true).starts_with("::warning file="));
     let (device, case) = run.cases().next().expect("one case");
-    let trace: Vec<String> = case.trace.iter().map(|seen| seen.frame.to_string()).collect();
+    let trace: Vec<String> =
+        case.record().trace.iter().map(|seen| seen.frame.to_string()).collect();
     assert_eq!(trace, ["705#7F"], "the frames of the attempt that failed");
     insta::assert_snapshot!(terminal::details(device, case, PLAIN));
 
@@ -269,7 +270,7 @@ fn what_is_kept_of_a_trace() {
     let frames = |keep| -> Vec<_> {
         fold(&events, keep)
             .cases()
-            .map(|(_, case)| (case.verdict(), case.frames, case.trace.len()))
+            .map(|(_, case)| (case.verdict(), case.frames, case.record().trace.len()))
             .collect()
     };
     for (verdict, seen, kept) in frames(Keep::Unusual) {
@@ -741,7 +742,7 @@ fn runs_with_other_device_files_are_told_as_such() {
     let before = fold(&events, Keep::Unusual);
     assert!(!compared(&before, &before).runs[0].contains(", with "));
     if let Some(Event::RunStarted(started)) = events.first_mut() {
-        started.files = vec![reports::Origin { from: "dut.yaml".into(), sha256: "0".into() }];
+        started.files = vec![Origin { from: "dut.yaml".into(), sha256: "0".into() }];
     }
     let now = fold(&events, Keep::Unusual);
     let runs = compared(&now, &before).runs;

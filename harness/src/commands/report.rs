@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use reports::terminal::{Printer, Verbosity};
-use reports::{Event, Outcome, Run, Style, compared, merged};
+use reports::{Event, Origin, Outcome, Run, Style, compared, merged};
 use runner::plan::is_named;
-use runner::suite::Register;
+use runner::suite::{Register, fingerprint_of};
 use runner::waivers::Waivers;
 
 use super::recorded::{for_each_event, narrow, recorded};
@@ -13,7 +13,7 @@ use super::used::of_bytes;
 use crate::bus::unix_time;
 use crate::cli::RenderArgs;
 use crate::exit::{Exit, Refused};
-use crate::files::read_source;
+use crate::files::{Blocks, LARGEST_JOURNAL, read_source, shown};
 use crate::reporter::{harmless, render, say_report};
 use crate::source::Complaint;
 
@@ -22,7 +22,7 @@ use crate::source::Complaint;
 /// # Errors
 /// When a journal cannot be read, or a report cannot be written.
 pub(super) fn run(args: &RenderArgs) -> Result<Exit, Refused> {
-    let runs = args.journals.iter().map(|path| recorded(path));
+    let runs = args.journals.iter().map(|path| named(path));
     let runs: Vec<Run> = runs.collect::<Result<_, _>>()?;
     for (run, path) in runs.iter().zip(&args.journals).filter(|(run, _)| run.ended.is_none()) {
         let cases = run.counts().total();
@@ -33,7 +33,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Exit, Refused> {
         Some(path) => waived(&mut run, path, args.today.clone())?,
         None => false,
     };
-    let earlier = args.against.iter().map(|path| recorded(path));
+    let earlier = args.against.iter().map(|path| named(path));
     let earlier: Vec<Run> = earlier.collect::<Result<_, _>>()?;
     run.comparison = (!earlier.is_empty()).then(|| compared(&run, &merged(earlier)));
     let regression = run.comparison.as_ref().is_some_and(|it| it.is_regression);
@@ -72,6 +72,16 @@ pub(super) fn run(args: &RenderArgs) -> Result<Exit, Refused> {
         say_report(&comparison.last_line());
     }
     Ok(exit)
+}
+
+/// The run of a journal, with the journal's fingerprint: whoever has the file may have changed it.
+fn named(path: &Path) -> Result<Run, Refused> {
+    let mut run = recorded(path)?;
+    if let Ok(blocks) = Blocks::open(path, LARGEST_JOURNAL) {
+        let sha256 = fingerprint_of(blocks.map_while(Result::ok));
+        run.journals = vec![Origin { from: shown(path), sha256 }];
+    }
+    Ok(run)
 }
 
 /// Waives what the run found, as if it had been made with these waivers; whether some of them are

@@ -78,7 +78,7 @@ impl Used {
 }
 
 pub(super) fn of_bytes(name: &str, bytes: &[u8]) -> Origin {
-    Origin { from: name.to_owned(), sha256: fingerprint_of(bytes) }
+    Origin { from: name.to_owned(), sha256: fingerprint_of([bytes]) }
 }
 
 fn add(all: &mut Vec<Origin>, origin: Origin) {

@@ -164,7 +164,7 @@ impl<'r> Tables<'r> {
                 self.data.details.len()
             }
         };
-        let figures = match case.measured.as_slice() {
+        let figures = match case.record().measured.as_slice() {
             [] => 0,
             measured => {
                 self.data.figures.push(measured.iter().map(figure).collect());
@@ -242,8 +242,8 @@ impl Details {
             all.places.extend(Place::of(&problem.place, said(problem.phase)));
             all.places.extend(problem.sheet.as_ref().and_then(|it| Place::of(it, "data sheet: ")));
         }
-        case.notes.iter().for_each(|note| all.field("remark", named(&note.text)));
-        if run.is_red(case.verdict()) || !case.trace.is_empty() {
+        case.record().notes.iter().for_each(|note| all.field("remark", named(&note.text)));
+        if run.is_red(case.verdict()) || !case.record().trace.is_empty() {
             all.tell(device, case);
         }
         all

@@ -210,12 +210,12 @@ fn actions<'c>(
         };
         Some(one(rank, (step.at, 3, place), Done::Step(&step.text)))
     });
-    let stimuli = case.stimuli.iter().filter(|stimulus| stimulus.at < until).enumerate();
+    let stimuli = case.record().stimuli.iter().filter(|stimulus| stimulus.at < until).enumerate();
     let stimuli = stimuli.map(|(place, stimulus)| {
         let done = Done::Bench(&stimulus.name, &stimulus.says);
         one(Rank::Setting, (stimulus.at, 2, place), done)
     });
-    let notes = case.notes.iter().filter(|note| note.at <= until).enumerate();
+    let notes = case.record().notes.iter().filter(|note| note.at <= until).enumerate();
     let notes =
         notes.map(|(place, note)| one(Rank::Setting, (note.at, 1, place), Done::Note(&note.text)));
     worded.chain(stimuli).chain(notes).collect()
@@ -226,7 +226,7 @@ fn actions<'c>(
 pub(super) fn steps_until(case: &CaseRun, until: Instant) -> Vec<&Begun> {
     let undoing = case.outcome.problem().is_some_and(|problem| problem.phase == Phase::Finally);
     let led_to = |step: &&Begun| undoing || step.phase != Phase::Finally;
-    case.steps.iter().filter(|step| step.at <= until).filter(led_to).collect()
+    case.record().steps.iter().filter(|step| step.at <= until).filter(led_to).collect()
 }
 
 /// How many frames that come by themselves are shown.

@@ -33,7 +33,7 @@ pub fn details(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
         block.step(case, problem);
         block.difference(problem);
     }
-    for measured in &case.measured {
+    for measured in &case.record().measured {
         block.field("measured", &figures(measured));
     }
     match problem {

@@ -64,7 +64,7 @@ fn said(text: &str) -> Vec<Event> {
             }
             Event::CaseStarted(case) => {
                 case.title = text.into();
-                case.instance = case.instance.take().map(|it| it + text);
+                case.instance = case.instance.take().map(|it| (it.to_string() + text).into());
             }
             Event::Step(step) => step.text = text.to_owned(),
             Event::Note(note) => note.text = text.to_owned(),

@@ -40,7 +40,7 @@ pub struct Instance {
     /// The case's place in the suite.
     pub case: usize,
     /// The difference from the other instances of its case.
-    pub label: Option<Box<str>>,
+    pub label: Option<Arc<str>>,
     /// The names.
     pub scope: Scope,
     /// The outcome, as far as it is known before the run.

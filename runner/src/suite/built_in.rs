@@ -30,9 +30,11 @@ pub fn fingerprint<'s>(sources: impl Iterator<Item = &'s Source>) -> String {
     shortened(hash)
 }
 
-/// The beginning of the SHA-256 of a file, in hexadecimal.
-pub fn fingerprint_of(bytes: &[u8]) -> String {
-    shortened(Sha256::new_with_prefix(bytes))
+/// The beginning of the SHA-256 of a file, in hexadecimal: of its bytes, or block by block.
+pub fn fingerprint_of<B: AsRef<[u8]>>(blocks: impl IntoIterator<Item = B>) -> String {
+    let mut hash = Sha256::new();
+    blocks.into_iter().for_each(|block| hash.update(block));
+    shortened(hash)
 }
 
 fn shortened(hash: Sha256) -> String {

@@ -27,8 +27,7 @@ impl<'s> Starts<'s> {
             Some((.., started)) => started,
             None => self.of_case(instance),
         };
-        let instance_name = instance.label.as_deref().map(str::to_owned);
-        let started = CaseStarted { at, instance: instance_name, ..of_case.clone() };
+        let started = CaseStarted { at, instance: instance.label.clone(), ..of_case.clone() };
         self.last = Some((Arc::clone(&instance.suite), instance.case, of_case));
         started
     }
