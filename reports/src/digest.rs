@@ -12,7 +12,7 @@ use crate::event::{Origin, RunStarted};
 use crate::fact::{Fact, facts};
 use crate::junit::moment_in_words;
 use crate::reason::{PROTECTED_BY, alike};
-use crate::run::{Counts, DeviceRun, Run};
+use crate::run::{CaseRun, Counts, DeviceRun, Run};
 use crate::side_by_side::SideBySide;
 use crate::style::{clean, shell_word};
 use crate::tool_checks::{ToolChecked, tool_checked};
@@ -89,6 +89,8 @@ pub(crate) struct Cause {
     /// The decisions on them where the document leaves room.
     pub(crate) decided: Vec<String>,
     pub(crate) waiver: Option<String>,
+    /// The waivers of some of its cases, where the others are not waived.
+    pub(crate) waived_in_part: BTreeSet<String>,
     /// The devices and the names of the instances.
     pub(crate) instances: Vec<(String, String)>,
     /// How many are not listed.
@@ -359,10 +361,13 @@ impl Cause {
             .filter(|(_, text)| !text.is_empty())
             .map(|(before, text)| format!("{before}{text}"))
             .collect();
-        let waiver = match &case.outcome {
+        let waiver_of = |case: &CaseRun| match &case.outcome {
             Outcome::Waived { waiver, .. } => Some(clean(&waiver.to_string())),
             _ => None,
         };
+        let waiver = waiver_of(case);
+        let others = fact.cases.iter().filter_map(|(.., case)| waiver_of(case));
+        let waived_in_part = others.filter(|_| waiver.is_none()).collect();
         let checks = case.info.checks.iter();
         let says = checks
             .map(|it| format!("{} ({}, clause {}): {}", it.id, it.document, it.clause, it.says));
@@ -388,6 +393,7 @@ impl Cause {
                 .map(clean)
                 .collect(),
             waiver,
+            waived_in_part,
             instances: listed
                 .map(|(_, device, case)| (clean(&device.info.device), clean(&case.info.name())))
                 .collect(),

@@ -121,7 +121,9 @@ fn rows(causes: &[&Cause], out: &mut dyn Write, last: impl Fn(&Cause) -> String)
         let decided = cause.decided.iter().map(|said| format!("\ndecided {said}"));
         let says = cause.says.iter().map(|says| format!("\n{says}"));
         let also = cause.also_red().into_iter().map(|ids| format!("\nalso red: {ids}"));
-        let said = cause.said.clone() + &says.chain(also).chain(decided).collect::<String>();
+        let waived = cause.waived_in_part.iter().map(|it| format!("\nwaived in part: {it}"));
+        let said =
+            cause.said.clone() + &says.chain(also).chain(decided).chain(waived).collect::<String>();
         let (service, said) = (escaped(&cause.service), escaped(&said));
         writeln!(out, "| {verdict} | {total} | {service} | {said} | {} |", last(cause))?;
     }
@@ -167,7 +169,12 @@ fn tool_checks(checks: &[ToolChecked], out: &mut dyn Write) -> io::Result<()> {
         format!("{count} {}", verdict.map_or("not in this run", Verdict::name))
     });
     let said: Vec<String> = said.collect();
-    writeln!(out, "Of {}: {}.", checks.len(), said.join(", "))?;
+    writeln!(
+        out,
+        "Of {}: {}. This is neither the tool nor a certificate of CiA.",
+        checks.len(),
+        said.join(", ")
+    )?;
     if checks.iter().any(ToolChecked::is_worse) {
         writeln!(out)?;
     }

@@ -46,7 +46,16 @@ pub(super) fn run(args: &BookArgs) -> Result<Exit, Refused> {
         Some(dut) => Some(plan_for(&library, &[dut])?.remove(0)),
         None => None,
     };
-    let is_page = args.out.as_deref().is_some_and(is_html);
+    let is_page = args.out.as_deref().is_some_and(|out| has_ending(out, &["html", "htm"]));
+    if let Some(out) = args.out.as_deref().filter(|out| out.extension().is_some())
+        && !is_page
+        && !has_ending(out, &["md", "markdown", "txt"])
+    {
+        return Err(Refused::usage(format!(
+            "--out {}: a document is Markdown (.md) or a page (.html), which a browser prints",
+            out.display()
+        )));
+    }
     let book = Book::new(&library, plan.as_ref(), is_page);
     let text = book.text();
     let Some(out) = &args.out else {
@@ -69,8 +78,9 @@ pub(super) fn run(args: &BookArgs) -> Result<Exit, Refused> {
     Ok(Exit::Green)
 }
 
-fn is_html(path: &Path) -> bool {
-    path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("html"))
+fn has_ending(path: &Path, known: &[&str]) -> bool {
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+    ending.is_some_and(|ending| known.contains(&ending.as_str()))
 }
 
 /// The document as a page.
@@ -92,8 +102,9 @@ struct Book<'l> {
     plan: Option<&'l Plan>,
     /// Whether headings say how they are linked to.
     anchors: bool,
-    /// The cases by the first requirement that they check.
+    /// The cases by the first requirement that they check, and by the others.
     cases: BTreeMap<&'l str, Vec<InSuite<'l>>>,
+    also: BTreeMap<&'l str, Vec<InSuite<'l>>>,
     /// How many instances of a case run on the device, and why the others do not.
     fates: BTreeMap<String, (usize, BTreeSet<&'l str>)>,
     /// The words that the data sheets of suites have for objects.
@@ -103,12 +114,15 @@ struct Book<'l> {
 impl<'l> Book<'l> {
     fn new(library: &'l Library, plan: Option<&'l Plan>, anchors: bool) -> Self {
         let mut cases: BTreeMap<&str, Vec<InSuite<'_>>> = BTreeMap::new();
+        let mut also: BTreeMap<&str, Vec<InSuite<'_>>> = BTreeMap::new();
         let mut names = BTreeMap::new();
         for suite in &library.suites {
             names.insert(suite.name(), names_for(suite, &library.catalogue));
             for case in &suite.file.cases {
-                let first = case.value.checks.first().map_or("", |id| id.value.as_str());
-                cases.entry(first).or_default().push((suite, case));
+                for (place, id) in case.value.checks.iter().enumerate() {
+                    let of = if place == 0 { &mut cases } else { &mut also };
+                    of.entry(id.value.as_str()).or_default().push((suite, case));
+                }
             }
         }
         let mut fates: BTreeMap<String, (usize, BTreeSet<&str>)> = BTreeMap::new();
@@ -119,13 +133,17 @@ impl<'l> Book<'l> {
                 Some(reason) => _ = fate.1.insert(reason),
             }
         }
-        Self { library, plan, anchors, cases, fates, names }
+        Self { library, plan, anchors, cases, also, fates, names }
     }
 
     fn text(&self) -> String {
         let mut text = String::new();
         let of = self.plan.map(|plan| format!(" of {}", plain(&plan.dut.name)));
-        let count = self.library.suites.iter().map(|suite| suite.file.cases.len()).sum();
+        let all = self.library.suites.iter().map(|suite| suite.file.cases.len()).sum();
+        let count = match self.plan {
+            Some(_) => self.fates.values().filter(|(count, _)| *count > 0).count(),
+            None => all,
+        };
         // Writing to a string does not fail.
         _ = writeln!(text, "# Conformance test{}\n", of.unwrap_or_default());
         _ = writeln!(
@@ -152,9 +170,16 @@ impl<'l> Book<'l> {
                 self.requirement(requirement, &mut text);
             }
         }
-        if !left_out.is_empty() {
-            _ = writeln!(text, "\n## What does not apply to this device, and why\n");
-            left_out.iter().for_each(|requirement| self.left_out(requirement, &mut text));
+        let (foreign, untested): (Vec<_>, Vec<_>) =
+            left_out.into_iter().partition(|it| self.cases_of(it).next().is_some());
+        for (title, requirements) in [
+            ("What does not apply to this device, and why", foreign),
+            ("What may apply and is not tested, and why", untested),
+        ] {
+            if !requirements.is_empty() {
+                _ = writeln!(text, "\n## {title}\n");
+                requirements.iter().for_each(|requirement| self.left_out(requirement, &mut text));
+            }
         }
         if !others_documents.is_empty() {
             _ = writeln!(text, "\n## Documents that are not about this device\n");
@@ -181,12 +206,21 @@ impl<'l> Book<'l> {
         documents
     }
 
+    /// The cases that check a requirement.
+    fn cases_of(&self, requirement: &Requirement) -> impl Iterator<Item = &InSuite<'l>> {
+        let (first, others) = (self.cases.get(&*requirement.id), self.also.get(&*requirement.id));
+        first.into_iter().chain(others).flatten()
+    }
+
     /// Whether an instance of one of its cases runs on the device.
     fn is_tested(&self, requirement: &Requirement) -> bool {
-        let cases = self.cases.get(&*requirement.id).into_iter().flatten();
-        cases.into_iter().any(|(suite, case)| {
-            self.fates.get(&name(suite, &case.value)).is_some_and(|(count, _)| *count > 0)
-        })
+        self.cases_of(requirement).any(|case| self.runs(case))
+    }
+
+    /// Whether an instance of a case runs on the device, or where there is none, would on some.
+    fn runs(&self, (suite, case): &InSuite<'_>) -> bool {
+        self.plan.is_none()
+            || self.fates.get(&name(suite, &case.value)).is_some_and(|(count, _)| *count > 0)
     }
 
     fn requirement(&self, requirement: &Requirement, text: &mut String) {
@@ -220,6 +254,12 @@ impl<'l> Book<'l> {
         if let Some(reason) = &entry.untestable {
             _ = writeln!(text, "Not tested: {}\n", plain(reason));
         }
+        let also = self.also.get(&**id).into_iter().flatten().filter(|case| self.runs(case));
+        let also: Vec<String> =
+            also.map(|(suite, case)| plain(&name(suite, &case.value))).collect();
+        if !also.is_empty() {
+            _ = writeln!(text, "Checked beside another requirement by {}.\n", also.join(", "));
+        }
         for (suite, case) in self.cases.get(&**id).into_iter().flatten() {
             self.case(suite, &case.value, text);
         }
@@ -228,14 +268,14 @@ impl<'l> Book<'l> {
     /// A requirement that nothing tests on the device.
     fn left_out(&self, requirement: &Requirement, text: &mut String) {
         let entry = &requirement.entry.value;
-        let cases = self.cases.get(&*requirement.id).into_iter().flatten();
+        let cases = self.cases_of(requirement);
         let fates = cases.filter_map(|(suite, case)| self.fates.get(&name(suite, &case.value)));
         let reasons: BTreeSet<&str> = fates.flat_map(|(_, reasons)| reasons).copied().collect();
         let reasons: Vec<String> = reasons.into_iter().take(REASONS).map(plain).collect();
         let why = match (&entry.untestable, reasons.is_empty()) {
             (Some(reason), _) => plain(reason),
             (None, false) => reasons.join("; "),
-            (None, true) => "no case of its own".to_owned(),
+            (None, true) => "there is no case".to_owned(),
         };
         _ = writeln!(text, "- {}: {} ({why})", requirement.id, plain(&entry.says));
     }

@@ -18,6 +18,7 @@ impl Book {
             .or_else(|| self.of_bench(name))
             .or_else(|| self.of_suites(name))
             .or_else(|| notation::key(name))
+            .or_else(|| of_guide(name))
     }
 
     /// What a word stands for in suites.
@@ -122,6 +123,17 @@ fn bench_value(name: &str) -> Option<String> {
     let (_, value) =
         cells.find(|(names, _)| names.split(", ").any(|it| means(it.trim_matches('`'))))?;
     Some(value.replace('`', ""))
+}
+
+/// A word of the guide, by its table.
+fn of_guide(name: &str) -> Option<String> {
+    const GUIDE: &str = include_str!("../../../../docs/src/introduction.md");
+    let (_, table) = GUIDE.split_once("\n## Words of this guide\n")?;
+    let mut rows = table.lines().filter_map(|row| row.strip_prefix("| ")?.strip_suffix(" |"));
+    let (word, means) = rows.find_map(|row| row.split_once(" | ").filter(|it| it.0 == name))?;
+    let mut page = Page::new(format!("word {word} of the guide"));
+    page.field("means", &means.replace('`', ""));
+    Some(page.0)
 }
 
 fn verdict(name: &str) -> Option<String> {
