@@ -152,7 +152,7 @@ impl<'r> Digest<'r> {
                 (false, _) if run.is_green() => "The run is not green".to_owned(),
                 (false, _) if run.has_no_case() => "Nothing was run".to_owned(),
                 (false, _) => match (counts.of(Verdict::Fail), counts.of(Verdict::Error)) {
-                    (0, 0) => "Not conformant, or not decided".to_owned(),
+                    (0, 0) => "Not green at the grade strict, or not decided".to_owned(),
                     (0, errors) => format!("Not decided: {} with ERROR", cases(errors)),
                     (failed, _) => format!("Not conformant: {} with FAIL", cases(failed)),
                 },

@@ -36,6 +36,9 @@ pub(super) fn run(args: &InitArgs, stop: &Stop) -> Result<Exit, Refused> {
         args.node,
     )?;
     let (sheet, eds) = sheet(args, &found, &mut *bus, bit_rate, &catalogue)?;
+    if let Sheet::Given(path) = &sheet {
+        say_other_identity(&found.identity, &eds, path);
+    }
     write_new(&args.out, &text(args, &found, &sheet, &eds, bit_rate), INSTEAD)?;
     let out = args.out.display();
     say(&format!(
@@ -43,6 +46,21 @@ pub(super) fn run(args: &InitArgs, stop: &Stop) -> Result<Exit, Refused> {
          harness --dut {out}\n"
     ));
     Ok(Exit::Green)
+}
+
+/// A data sheet of another device makes a run red in many places, and none of them says why.
+fn say_other_identity(identity: &Identity, eds: &Eds, path: &Path) {
+    let of_sheet = [("vendor", eds.device.vendor_number), ("product", eds.device.product_number)];
+    let of_device = [identity.vendor, identity.product];
+    for ((what, declared), said) in of_sheet.into_iter().zip(of_device) {
+        if let Some(said) = said.filter(|said| declared != 0 && *said != declared) {
+            complain!(
+                "note: the device says {what} {said:08X}h (1018h), and {} {declared:08X}h: is this \
+                 its data sheet?",
+                path.display()
+            );
+        }
+    }
 }
 
 /// A bus, the node id to ask for, and the bit rate.

@@ -1,5 +1,6 @@
 //! `harness list`: lists the cases that would run, and why the others would not.
 
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use canopen::catalogue::Catalogue;
@@ -122,7 +123,12 @@ fn is_wanted(name: &str, words: &[String]) -> bool {
 fn listed(text: &str, words: &[String]) -> Result<Exit, Refused> {
     if text.is_empty() && !words.is_empty() {
         let words: Vec<String> = words.iter().map(|word| format!("`{word}`")).collect();
-        return Err(Refused::usage(format!("no name in this list has {}", words.join(" or "))));
+        let words = words.join(" or ");
+        let message = format!(
+            "no name in this list has {words}; without `--target` it has those of all devices, and \
+             of the stack"
+        );
+        return Err(Refused::usage(message));
     }
     say(text);
     Ok(Exit::Green)
@@ -152,8 +158,8 @@ fn suites(words: &[String], selection: &Selection) -> Result<Exit, Refused> {
     listed(&text, words)
 }
 
-/// The named items of each reference device, such as its mutants, each with its reason. A variant
-/// lists only those that its device does not have.
+/// The named items of the reference devices, such as their mutants, each once with its devices and
+/// its reason. A variant lists only those that its device does not have.
 fn named(
     words: &[String],
     selection: &Selection,
@@ -163,12 +169,27 @@ fn named(
     let chosen = selection.target.as_deref().and_then(|target| target.strip_prefix("sim:"));
     let chosen = chosen.or(selection.device.as_deref());
     let names: Vec<&str> = chosen.map_or_else(|| devices::names().collect(), |name| vec![name]);
-    let mut text = String::new();
-    for name in names {
+    let mut all = Vec::<(String, String, Vec<&str>)>::new();
+    let mut places = BTreeMap::new();
+    for name in &names {
         let device = reference_device(name, &catalogue)?;
         for (known, why) in of(&device)?.into_iter().filter(|(known, _)| is_wanted(known, words)) {
-            _ = writeln!(text, "{name}  {known}  {why}");
+            let place = *places.entry((known.clone(), why.clone())).or_insert(all.len());
+            if place == all.len() {
+                all.push((known, why, Vec::new()));
+            }
+            all[place].2.push(name);
         }
+    }
+    let mut text = String::new();
+    for (known, why, devices) in all {
+        let of = match devices.as_slice() {
+            [one] => (*one).to_owned(),
+            some if some.len() == names.len() => "all".to_owned(),
+            [first, others @ ..] => format!("{first} and {} more", others.len()),
+            [] => continue,
+        };
+        _ = writeln!(text, "{of}  {known}  {why}");
     }
     listed(&text, words)
 }

@@ -18,6 +18,7 @@ mod slips;
 mod trial;
 mod why;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use reference_devices::devices;
@@ -101,7 +102,16 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     if holes.is_empty() {
         return Ok(Exit::Green);
     }
-    holes.iter().for_each(|hole| complain!("hole: {hole}"));
+    let mut told = BTreeMap::<&str, usize>::new();
+    holes.iter().for_each(|hole| *told.entry(hole).or_default() += 1);
+    // Mixtures of freedoms that are red for one reason are one hole.
+    for hole in holes.iter() {
+        match told.remove(hole.as_str()) {
+            None => {}
+            Some(1) => complain!("hole: {hole}"),
+            Some(times) => complain!("hole: {hole} ({times} times)"),
+        }
+    }
     complain!("{}", counted(holes.len(), "hole"));
     note_where_own_suites_are_proved(args);
     Ok(Exit::Holes)

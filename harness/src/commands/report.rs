@@ -84,8 +84,8 @@ fn named(path: &Path) -> Result<Run, Refused> {
     Ok(run)
 }
 
-/// Waives what the run found, as if it had been made with these waivers; whether some of them are
-/// out of date, which is said.
+/// Waives what the run found, as if it had been made with these waivers and no others; whether some
+/// of them are out of date, which is said.
 fn waived(run: &mut Run, path: &Path, today: Option<String>) -> Result<bool, Refused> {
     let today = today.unwrap_or_else(|| reports::date(unix_time()));
     let source = read_source(path)?;
@@ -95,10 +95,11 @@ fn waived(run: &mut Run, path: &Path, today: Option<String>) -> Result<bool, Ref
     for device in &mut run.devices {
         let name = &device.info.device;
         for case in device.suites.iter_mut().flat_map(|suite| &mut suite.cases) {
-            if !matches!(case.outcome, Outcome::Waived { .. }) {
-                let found = std::mem::replace(&mut case.outcome, Outcome::Pass);
-                case.outcome = waivers.apply(name, &case.info, found);
-            }
+            let found = match std::mem::replace(&mut case.outcome, Outcome::Pass) {
+                Outcome::Waived { outcome, .. } => *outcome,
+                found => found,
+            };
+            case.outcome = waivers.apply(name, &case.info, found);
         }
     }
     let names: Vec<String> = run.cases().map(|(_, case)| case.info.name()).collect();
@@ -107,10 +108,14 @@ fn waived(run: &mut Run, path: &Path, today: Option<String>) -> Result<bool, Ref
     let is_green = run.is_green();
     run.started.iter_mut().for_each(|started| started.files.push(origin.clone()));
     if let Some(ended) = &mut run.ended {
-        ended.outdated.extend(complaints.iter().map(Complaint::in_one_line));
-        let of_verdicts = [Exit::Green as u8, Exit::Failed as u8];
-        if is_green && of_verdicts.contains(&ended.exit) {
-            let code = if complaints.is_empty() { Exit::Green } else { Exit::Waivers };
+        ended.outdated = complaints.iter().map(Complaint::in_one_line).collect();
+        let of_verdicts = [Exit::Green, Exit::Failed, Exit::Waivers].map(|exit| exit as u8);
+        if of_verdicts.contains(&ended.exit) {
+            let code = match (complaints.is_empty(), is_green) {
+                (false, _) => Exit::Waivers,
+                (true, true) => Exit::Green,
+                (true, false) => Exit::Failed,
+            };
             ended.exit = code as u8;
         }
     }

@@ -14,7 +14,7 @@ use super::recorded::{narrow, recorded};
 use crate::bus::unix_time;
 use crate::cli::WaiveArgs;
 use crate::exit::{Exit, Refused};
-use crate::files::write_new;
+use crate::files::{words, write_new, write_synced};
 use crate::reporter::say;
 
 /// Writes a waiver for each fact that makes a run of these journals red, or prunes a file of them.
@@ -62,10 +62,25 @@ pub(super) fn run(args: &WaiveArgs) -> Result<Exit, Refused> {
                  more",
                 out.display()
             );
-            write_new(out, &text, &instead)?;
+            if is_empty(out) {
+                let wrong = |error| Refused {
+                    exit: Exit::File,
+                    message: format!("error: {}: {}", out.display(), words(&error)),
+                };
+                write_synced(out, &text).map_err(wrong)?;
+            } else {
+                write_new(out, &text, &instead)?;
+            }
         }
     }
     Ok(Exit::Green)
+}
+
+/// Whether the file has no waivers: a gate begins with one.
+fn is_empty(out: &Path) -> bool {
+    let text = std::fs::read_to_string(out).unwrap_or_default();
+    let mut lines = text.lines().map(str::trim).filter(|line| !line.starts_with('#'));
+    lines.by_ref().any(|line| line == "[]") && lines.all(str::is_empty)
 }
 
 /// How many instances are LENIENT and green by the grade of the run.

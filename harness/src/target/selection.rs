@@ -139,6 +139,9 @@ impl Selection {
         typed.extend(self.target.as_ref().map(|target| format!("--target '{target}'")));
         typed.extend(self.node.map(|node| format!("--node {node}")));
         typed.extend(self.bench.as_ref().map(|bench| format!("--bench '{bench}'")));
+        // Beside a target it is said with the rest.
+        let beside = self.device.iter().filter(|_| self.dut.is_some() && self.target.is_none());
+        typed.extend(beside.map(|name| format!("--device {name}")));
         let mut typed = typed.join(" ");
         self.say_the_rest(&mut typed);
         typed + &self.folders.options()

@@ -42,6 +42,9 @@ pub fn summary(run: &Run, style: Style, verbosity: Verbosity) -> String {
     let tried = run.started.as_ref().and_then(|it| it.repeat);
     let tried = tried.map(|times| format!("; each case ran {times} times")).unwrap_or_default();
     let counts = run.counts();
+    if run.is_red(Verdict::Lenient) && counts.of(Verdict::Lenient) + counts.of(Verdict::Flaky) > 0 {
+        let _ = writeln!(text, "at the grade strict, LENIENT and FLAKY are not green");
+    }
     let _ = match run.worst() {
         Some(worst) => writeln!(text, "{}{tried}", style.verdict(worst, counts)),
         None => writeln!(text, "{counts}{tried}"),

@@ -69,7 +69,8 @@ pub(super) fn run(args: &QualifyArgs, sessions: u64) -> Result<Exit, Refused> {
     let name = args.device.as_deref().unwrap_or(WITH_EVERYTHING);
     let selection = Selection::of_target(Some(&format!("sim:{name}")));
     let target = target::resolve(&selection, &catalogue, &Stop::default())?.remove(0);
-    let mut mutants = mutant::of(&*target::reference_device(name, &catalogue)?)?;
+    let device = target::reference_device(name, &catalogue)?;
+    let mut mutants = mutant::of(&device)?;
     let modelled = Modelled::of(&target, &mut stage::simulated(&target)?, None)?;
     let explores = modelled.blueprint.surface().is_some();
     let known = modelled.knowing(&args.folders, &target.dut, &Stop::default())?;
@@ -77,7 +78,10 @@ pub(super) fn run(args: &QualifyArgs, sessions: u64) -> Result<Exit, Refused> {
     mutants.retain(|mutant| is_wanted(mutant, &args.alone));
     let why_left_out = |mutant: &Mutant| match explores {
         true => mutant.is_of_data_sheet().then_some(OF_DATA_SHEET),
-        false => why_left_out(mutant, target.dut.node),
+        false => why_left_out(mutant, target.dut.node).or_else(|| {
+            let unfit = mutant.deviation().complaints(&device).next().is_some();
+            unfit.then_some("it is about an object that the device does not have")
+        }),
     };
     let (mutants, left_out): (Vec<_>, Vec<_>) =
         mutants.into_iter().partition(|mutant| why_left_out(mutant).is_none());

@@ -156,7 +156,10 @@ impl Steps<'_, '_> {
             && let Some(place) = write.or_refused.iter().position(|may| may.value.fits(code.0))
         {
             self.allows(Allowance::OrRefused(place + 1));
-            let value = show(self.dut.eds.entry(mux), &data);
+            let value = match data.len() {
+                long if long > MOST_SHOWN => format!("{long} bytes"),
+                _ => show(self.dut.eds.entry(mux), &data),
+            };
             return Err(Trouble::Declined(format!("the device refused {value} in {mux}: {code}")));
         }
         if let Some(At { value: name, .. }) = write.save.as_deref() {
@@ -433,3 +436,6 @@ fn trim_unsized(ended: &mut Ended, entry: Option<&Entry>) {
         data.truncate(size);
     }
 }
+
+/// How many bytes of a value that was refused are shown.
+const MOST_SHOWN: usize = 32;
