@@ -98,8 +98,8 @@ pub struct CaseRun {
     pub relies_on: Vec<Arc<str>>,
     /// When it was over; the last that is known of it when it did not come to its end.
     pub ended: Instant,
-    /// How many frames were on the bus; of a case that was repeated, in the attempt that its verdict
-    /// is about.
+    /// How many frames were on the bus; of a case that was repeated, in the attempt that its
+    /// verdict is about.
     pub frames: usize,
     /// Its record, where there is something in it: of most cases nothing is kept.
     record: Option<Box<Record>>,

@@ -68,7 +68,8 @@ fn required_object(
         let message = "what a case requires is an object such as \"1017:00\"";
         return Err(Complaint::at(&suite.source, object.place, message));
     };
-    // With the data sheet of a user the case is skipped. A suite may be for several of their devices.
+    // With the data sheet of a user the case is skipped: a suite may be for several of their
+    // devices.
     let known = absent
         || !dut.sheet.trusted
         || suite.catalogue.lookup(&profiles_of(suite), mux.index).is_some()
@@ -144,12 +145,6 @@ pub(super) fn case(instance: &Instance, dut: &Dut, model: Option<&Eds>) -> Check
         checker.promised(&step.value);
     }
     checker.unused();
-    let confirmed = |step: &At<Step>| matches!(step.value, Step::Write(_) | Step::Remap(_));
-    if case.judging_steps().is_empty() && !case.steps.iter().any(confirmed) {
-        let message = "no step judges the device, so that this case cannot fail: `read`, `expect`, \
-                       `never`, `measure`, `observe` and `write` do";
-        checker.complaints.push(Complaint::at(&instance.suite.source, case.id.place, message));
-    }
     // Without the object, anything that rests on it (a saved value, say) is wrong for the same
     // reason.
     if checker.lacking.is_some() {
