@@ -106,7 +106,8 @@ pub struct CaseRun {
 }
 
 /// What was done and seen in a case; of one that was repeated, in the attempt that its verdict is
-/// about. Steps, stimuli and frames of a case that passed are empty when they were not [kept](Keep).
+/// about. Of a case that passed, steps, stimuli and frames are empty when they were not
+/// [kept](Keep).
 #[derive(Clone, Debug, Default)]
 pub struct Record {
     /// The figures it took.
