@@ -204,6 +204,8 @@ pub struct Oracle<'b> {
     operational: Instant,
     /// When it last became so.
     started: Instant,
+    /// When a command last led it out of OPERATIONAL.
+    led_out: Option<Instant>,
     /// When parameters of TPDOs were last written, by the index of their communication parameters.
     configured: BTreeMap<u16, Instant>,
     /// The application has reported an error.
@@ -285,6 +287,7 @@ impl<'b> Oracle<'b> {
             refused: false,
             taken: 0,
             operational: Instant::ZERO,
+            led_out: None,
             started: Instant::ZERO,
             configured: BTreeMap::new(),
             errors: blueprint.has_errors(),
@@ -532,6 +535,11 @@ impl<'b> Oracle<'b> {
         self.identifiers.look(od, now);
         let given = open.into_iter().filter(|(mux, before)| od.get(*mux).map(Data::new) != *before);
         self.kept.extend(given.map(|(mux, _)| mux));
+        match (before == NmtState::OPERATIONAL, self.model.state() == NmtState::OPERATIONAL) {
+            (true, false) if commands(frame, self.model.id()) => self.led_out = Some(now),
+            (_, true) => self.led_out = None,
+            _ => {}
+        }
         if self.model.state() == NmtState::OPERATIONAL && before != NmtState::OPERATIONAL {
             self.started = now;
         }
@@ -1129,10 +1137,24 @@ impl<'b> Oracle<'b> {
     /// Something is wrong that is nobody's business but the application's once it has reported an
     /// error.
     fn owed(&mut self, now: Instant, what: What) -> Result<(), End> {
-        match self.accuse(now, what) {
-            Err(End::Violation(_)) if self.errors => Err(End::Void(now)),
-            judged => judged,
+        let runs_on = self.runs_on(now, &what);
+        match (self.accuse(now, what), runs_on) {
+            (Err(End::Violation(_)), Some(false)) if self.errors => Ok(()),
+            (Err(End::Violation(_)), None) if self.errors => Err(End::Void(now)),
+            (judged, _) => judged,
         }
+    }
+
+    /// Whether a device that somebody listens to reports OPERATIONAL after a command that leads out
+    /// of it, and whether that is long ago: no error and no setting leads back there, whatever the
+    /// period of its heartbeat is.
+    fn runs_on(&mut self, now: Instant, what: &What) -> Option<bool> {
+        let What::Unexpected(frame, _) = what else { return None };
+        let at = self.led_out.filter(|_| self.blueprint.listens())?;
+        let class = self.identifiers.class(frame, &self.model, now, self.usually_late());
+        let says = ErrorControl::decode(&frame.data).ok()?.state;
+        let runs = matches!(class, Class::ErrorControl) && says == NmtState::OPERATIONAL;
+        runs.then(|| now.since(at) > LONG_AFTER)
     }
 
     /// Something is wrong, if nothing is unknown on which it depends.
@@ -1159,12 +1181,18 @@ impl<'b> Oracle<'b> {
         if self.known.decides(&class, &what, &self.model) {
             return wrong(now, what);
         }
-        // The device is in a state that somebody has not seen it enter.
-        let says = ErrorControl::decode(&frame.data).map(|report| report.state);
-        let elsewhere = says.is_ok_and(|state| state != self.model.state());
-        match matches!(class, Class::ErrorControl) && elsewhere {
-            true => Err(End::Void(now)),
-            false => Ok(()),
+        let runs_on = self.runs_on(now, &what);
+        let reports = matches!(class, Class::ErrorControl);
+        let says = ErrorControl::decode(&frame.data).ok().filter(|_| reports).map(|it| it.state);
+        if says.is_none_or(|state| state == self.model.state()) {
+            return Ok(());
+        }
+        match runs_on {
+            Some(true) => wrong(now, what),
+            // It may have been on its way.
+            Some(false) => Ok(()),
+            // The device is in a state that somebody has not seen it enter.
+            None => Err(End::Void(now)),
         }
     }
 }
@@ -1212,6 +1240,8 @@ pub(crate) fn error_control(node: u8) -> u16 {
 const LATE: Duration = Duration::from_millis(8);
 /// The same for a device in its own time.
 const LATE_ON_BUS: Duration = Duration::from_millis(250);
+/// How long after a command a device is in the state that it commands, however late it is.
+const LONG_AFTER: Duration = Duration::from_secs(1);
 /// How much longer an answer to a request may take there, and a boot-up message.
 const ANSWER: Duration = Duration::from_millis(750);
 const START: Duration = Duration::from_secs(5);
