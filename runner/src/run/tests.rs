@@ -13,7 +13,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use canopen::catalogue::Catalogue;
-use canopen::{Bus, BusError, Frame, Instant, Stamped, VirtualBus, eds};
+use canopen::{Bench, BenchError, Bus, BusError, Frame, Instant, Stamped, Value, VirtualBus, eds};
 use reference_devices::rules::Rules;
 use reference_devices::{devices, mutant};
 use reports::{Event, Note, Outcome, Repeated, Verdict};
@@ -62,6 +62,10 @@ struct Odd {
     loses_after: Option<Frame>,
     /// A frame of the tester after which the host is so late for the end of each wait.
     late_after: Option<(Frame, Duration)>,
+    /// A frame of the device 1 ms after its first stimulus, and how long the bench takes for each.
+    bench: Option<(Frame, Duration)>,
+    /// How many stimuli were set.
+    stimuli: u32,
 }
 
 /// The window that the cases have and nothing else.
@@ -75,6 +79,10 @@ impl Bus for Odd {
 
     fn now(&mut self) -> Instant {
         self.bus.now()
+    }
+
+    fn bench(&mut self) -> Option<&mut dyn Bench> {
+        self.bench.is_some().then_some(self as &mut dyn Bench)
     }
 
     fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
@@ -140,6 +148,31 @@ impl Bus for Odd {
     }
 }
 
+/// Takes whatever it is told, in its time.
+impl Bench for Odd {
+    fn names(&mut self) -> Result<Vec<String>, BenchError> {
+        Ok(vec!["sensor-1".to_owned(), "sensor-2".to_owned()])
+    }
+
+    fn set(&mut self, _: &str, _: &Value) -> Result<(), BenchError> {
+        let Some((frame, takes)) = self.bench else { return Ok(()) };
+        let begun = self.bus.now();
+        while let Ok(Some(seen)) = self.bus.recv(begun + takes) {
+            self.held.push_back(seen);
+        }
+        if self.stimuli == 0 {
+            let at = begun + Duration::from_millis(1);
+            self.held.push_back(Stamped { at, frame, own: false });
+        }
+        self.stimuli += 1;
+        Ok(())
+    }
+
+    fn get(&mut self, name: &str) -> Result<Value, BenchError> {
+        Err(BenchError::unknown(name))
+    }
+}
+
 impl Odd {
     /// What comes beside an answer of the device, right after it.
     fn beside(&mut self, seen: Stamped) {
@@ -182,6 +215,8 @@ fn odd(way: Way) -> Odd {
         once,
         loses_after: None,
         late_after: None,
+        bench: None,
+        stimuli: 0,
     }
 }
 
@@ -384,6 +419,19 @@ fn what_fails_after_the_host_stalled_fails_twice_or_not_at_all() {
                  expect: { frame: '580+n#80FF5F07...', within: 50 ms } ]";
     let bus = Odd { stalls: 1, ..odd(Box::new(way)) };
     assert_eq!(judged(bus, steps), (Verdict::Pass, notes));
+}
+
+#[test]
+fn what_comes_between_two_stimuli_of_a_step_is_seen_by_the_next_step() {
+    const STEPS: &str = "[ bench: { sensor-1: 100, sensor-2: 200 }, \
+                         expect: { frame: '123#01', within: 20 ms } ]";
+    for takes in [0, 5] {
+        let bench = Some((Frame::new(0x123, [1]), Duration::from_millis(takes)));
+        let mut bus = Odd { bench, ..odd(Box::new(|_, seen| Some(seen))) };
+        let dut = Dut { bench: bus.names().unwrap(), ..dut() };
+        let ran = run_on(&mut bus, &dut, 1, STEPS, &Stop::default(), &Undo::default());
+        assert_eq!(verdicts(&ran), [Verdict::Pass], "{takes} ms: {:?}", ran.outcomes);
+    }
 }
 
 /// A device that monitors the tester sends more while it does not run.

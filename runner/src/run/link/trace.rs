@@ -474,6 +474,16 @@ impl<'b> Link<'b> {
         self.wait(now)
     }
 
+    /// Takes note of all frames received so far; the next step sees them.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub fn catch_up(&mut self) -> Result<(), BusError> {
+        let now = self.now();
+        while self.pull(now)?.is_some() {}
+        Ok(())
+    }
+
     /// Time may have passed outside the bus. The next step starts now, and sees the frames that
     /// arrived in the meantime.
     pub fn moved(&mut self) {

@@ -23,7 +23,8 @@ impl BenchSnapshot {
         self.off || !self.before.is_empty()
     }
 
-    /// Sets a stimulus, `shown` in reports, and remembers what it was, and what it moves.
+    /// Sets a stimulus, `shown` in reports, and remembers what it was, and what it moves. What comes
+    /// meanwhile is for the next step.
     ///
     /// # Errors
     /// Whatever the bus reports; within, that of the bench.
@@ -45,7 +46,7 @@ impl BenchSnapshot {
                 slot.insert(before);
             }
         }
-        link.look_from_now()?;
+        link.catch_up()?;
         let stimulus = Stimulus {
             at: link.mark(),
             name: name.to_owned(),
