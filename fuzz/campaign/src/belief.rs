@@ -134,7 +134,11 @@ impl<'b> Belief<'b> {
             // was taken for a freedom because somebody was late.
             let doubtful = self.is_wrong || self.blueprint.is_in_its_own_time();
             let alone = doubtful && !self.evidence.is_empty();
-            let used = alone.then(|| self.search(self.given.clone(), true, &[seen]))??;
+            // Most of what was learnt may be right, and one more freedom is all that it takes.
+            let used = alone.then(|| {
+                let anew = self.search(self.given.clone(), true, &[seen]);
+                anew.or_else(|| self.search(self.used.clone(), true, &[seen]))
+            })??;
             self.doubt();
             Some(used)
         });

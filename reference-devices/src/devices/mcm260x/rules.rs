@@ -358,6 +358,12 @@ decisions! {
         difference.abs() <= near
     }
 
+    /// A new conversion frequency is in force at once. The sample that is under way may end in its
+    /// time instead (7.b, 8.b).
+    fn sample_under_way_ends(&self) -> bool {
+        false
+    }
+
     /// The time of rejection restarts after a sample that counts (7.b, 8.b).
     fn rejection_begins_anew(&self) -> bool {
         true

@@ -26,6 +26,10 @@ pub(super) struct AnalogueInput {
     /// Digits, to be shown in 6401h.
     pub(super) value: i64,
     next: Option<Instant>,
+    /// From one sample to the next; zero until there is one.
+    period: Duration,
+    /// When a sample that began with another period ends.
+    under_way: Option<Instant>,
 }
 
 impl AnalogueInput {
@@ -56,20 +60,36 @@ impl AnalogueInput {
             self.samples.clear();
             self.next = Some(now);
         }
-        let period = period(parameters.value(Item::Frequency, place));
+        self.pace(now, period(parameters.value(Item::Frequency, place)), parameters);
         let sample = sensor::sample(self.connected, terminals, place, parameters);
         let wanted = wanted(place, parameters);
         while let Some(due) = self.next.filter(|due| *due <= now) {
             self.take(due, sample, place, parameters);
             self.next = (!self.is_settled(sample, parameters.rules.kept_samples(wanted)))
-                .then(|| after(due, period));
+                .then(|| self.after(due));
         }
         if changed {
             // The next sample sees any change.
             self.next = (!self.is_settled(sample, parameters.rules.kept_samples(wanted)))
-                .then(|| after(now, period));
+                .then(|| self.after(now));
             self.show(place, parameters);
         }
+    }
+
+    /// The period of the samples from now on.
+    fn pace(&mut self, now: Instant, period: Duration, parameters: Parameters) {
+        let before = std::mem::replace(&mut self.period, period);
+        self.under_way = self.under_way.filter(|end| *end > now);
+        let is_new = before != period && !before.is_zero();
+        if is_new && self.under_way.is_none() && parameters.rules.sample_under_way_ends() {
+            self.under_way = Some(after(now, before));
+        }
+    }
+
+    /// When the first sample after `now` is due.
+    fn after(&self, now: Instant) -> Instant {
+        let under_way = self.under_way.filter(|end| *end > now);
+        under_way.unwrap_or_else(|| after(now, self.period))
     }
 
     /// When the next sample is due that will differ.
@@ -226,9 +246,12 @@ mod tests {
         }
 
         fn run(&mut self, millisecond: u64) {
+            self.run_by(&Mcm260xRules::plain(), millisecond);
+        }
+
+        fn run_by(&mut self, rules: &Mcm260xRules, millisecond: u64) {
             let until = Instant(millisecond * 1_000_000);
-            let parameters =
-                Parameters { table: Table::Analogue, od: &self.od, rules: &Mcm260xRules::plain() };
+            let parameters = Parameters { table: Table::Analogue, od: &self.od, rules };
             while let Some(due) = self.input.poll_at().filter(|due| *due < until) {
                 self.input.follow(due, false, (2, 25.0), parameters);
             }
@@ -286,6 +309,25 @@ mod tests {
         assert_eq!((bench.value_at(200), bench.input.is_out_of_range()), (200, false));
         bench.od.set_int(Table::Analogue.address(Item::SensorType, 2).unwrap(), 0);
         assert_eq!((bench.value_at(250), bench.input.is_off()), (0, true));
+    }
+
+    #[test]
+    fn a_new_frequency_may_wait_for_the_sample_under_way() {
+        let items = [(Item::Filter, 1), (Item::Frequency, 3), (Item::MaximumDifference, 32767)];
+        let seen = |rules: &Mcm260xRules| {
+            let mut bench = Bench::with(&items);
+            bench.run_by(rules, 110);
+            bench.od.set_int(Table::Analogue.address(Item::Frequency, 2).unwrap(), 13);
+            bench.input.connected.millivolts = 5000.0;
+            bench.run_by(rules, 120);
+            [150, 199, 200].map(|at| {
+                bench.run_by(rules, at);
+                bench.input.value
+            })
+        };
+        assert_eq!(seen(&Mcm260xRules::plain()), [500, 500, 500]);
+        let waits = Mcm260xRules::otherwise("sample-under-way-ends: true");
+        assert_eq!(seen(&waits), [0, 0, 500]);
     }
 
     #[test]
