@@ -12,6 +12,8 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "bench.h"
+
 /* ---- The object dictionary ---- */
 
 enum { RO, RW };
@@ -156,14 +158,37 @@ static void set_error(uint8_t bit, uint16_t code, int present) {
 
 /* ---- The application ---- */
 
-static void set_output(uint16_t value) {
-    output = value;
-    /* The input is wired to the output. */
-    if (input != output) {
-        input = output;
+/* The input is wired to the output, unless the bench drives it. */
+static int driven;
+static uint16_t level;
+
+static void follow_input(void) {
+    uint16_t value = driven ? level : output;
+    if (input != value) {
+        input = value;
         send_tpdo();
     }
 }
+
+static void set_output(uint16_t value) {
+    output = value;
+    follow_input();
+}
+
+void drive_input(uint16_t value) {
+    driven = 1;
+    level = value;
+    follow_input();
+}
+
+void wire_input(void) {
+    driven = 0;
+    follow_input();
+}
+
+int input_is_driven(void) { return driven; }
+
+uint16_t get_input(void) { return input; }
 
 /* ---- SDO ---- */
 
@@ -380,7 +405,8 @@ static void reset_communication(void) {
 }
 
 static void reset_node(void) {
-    output = input = 0;
+    output = 0;
+    input = driven ? level : 0;
     simulated_fault = error_register = 0;
     text_length = 10;
     memcpy(text, "firmware-c", text_length);
@@ -454,6 +480,18 @@ static void read_line(const char *line) {
     receive(id, data, length);
 }
 
+static int powered = 1;
+
+int has_power(void) { return powered; }
+
+void set_power(int on) {
+    if (on && !powered)
+        reset_node();
+    else if (!on)
+        state = INITIALISING;
+    powered = on;
+}
+
 /* What is due by time, and the milliseconds until the next of it. */
 static int work(void) {
     if (state == INITIALISING) {
@@ -485,17 +523,27 @@ static int work(void) {
 int main(int count, char **arguments) {
     char line[128];
     uint32_t length = 0;
-    struct pollfd in = {.fd = 0, .events = POLLIN};
+    const char *path = getenv("BENCH");
     if (count > 1)
         node = (uint32_t)strtoul(arguments[1], NULL, 0);
+    if (path && !open_bench(path)) {
+        perror(path);
+        return 1;
+    }
     now = clock_us();
     reset_node();
     for (;;) {
         now = clock_us();
-        int wait = work();
-        if (poll(&in, 1, wait) <= 0)
+        int wait = powered ? work() : -1;
+        struct pollfd in[2] = {{.fd = 0, .events = POLLIN},
+                               {.fd = bench_waits_for(), .events = POLLIN}};
+        if (poll(in, 2, wait) <= 0)
             continue;
         now = clock_us();
+        if (in[1].revents)
+            serve_bench();
+        if (!in[0].revents)
+            continue;
         char byte;
         if (read(0, &byte, 1) != 1)
             return 0;
@@ -506,6 +554,7 @@ int main(int count, char **arguments) {
         }
         line[length] = 0;
         length = 0;
-        read_line(line);
+        if (powered)
+            read_line(line);
     }
 }

@@ -20,8 +20,8 @@ fn a_firmware_goes_from_red_over_waived_to_green() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     copy(folder);
-    compile(folder, "firmware", &["firmware.c"]);
-    compile(folder, "firmware-defects", &["firmware.c", "-DOVERFLOW", "-DSTALE_LENGTH"]);
+    compile(folder, "firmware", &["firmware.c", "bench.c"]);
+    compile(folder, "firmware-defects", &["firmware.c", "bench.c", "-DOVERFLOW", "-DSTALE_LENGTH"]);
     let defects = ["--target", "exec:./firmware-defects"];
 
     let (exit, said) = run(folder, &[]);
@@ -44,6 +44,33 @@ fn a_firmware_goes_from_red_over_waived_to_green() {
     assert_eq!(exit, 5, "{said}");
 }
 
+/// The program serves its bench, and a suite for it uses a name of it.
+#[test]
+fn a_bench_of_the_firmware_lets_more_cases_run() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    copy(folder);
+    compile(folder, "firmware", &["firmware.c", "bench.c"]);
+    let judged = |more: &[&str]| {
+        let mut run = harness();
+        run.current_dir(folder).args(["-q", "--no-progress", "--dut", "device-under-test.yaml"]);
+        run.args(["--suites", "own-suites", "input", "cia301/nmt/*-after-power-on"]).args(more);
+        let output = run.output().expect("it starts");
+        (output.status.code(), String::from_utf8_lossy(&output.stdout).into_owned())
+    };
+    // Nothing is judged then.
+    let (exit, without) = judged(&[]);
+    assert_eq!(exit, Some(4), "{without}");
+    assert!(
+        without.contains("did not run because no bench offers `input` (2), `power` (2)"),
+        "{without}"
+    );
+    let (exit, with) =
+        judged(&["--target", "exec:BENCH=bench ./firmware", "--bench", "unix:bench"]);
+    assert_eq!(exit, Some(0), "{with}");
+    assert!(with.contains("4 passed, 0 lenient, 0 failed, 0 errors, 0 skipped"), "{with}");
+}
+
 /// A text that keeps the length of a longer one is found, repeated and promoted, and the code that
 /// is reached steers the sessions.
 #[test]
@@ -54,7 +81,7 @@ fn a_defect_of_the_firmware_is_found_by_fuzzing() {
     compile(folder, "coverage.o", &["-c", "coverage.c"]);
     let counts =
         format!("-fsanitize-coverage={}", if is_clang() { "trace-pc-guard" } else { "trace-pc" });
-    let defective = ["firmware.c", "coverage.o", "-DSTALE_LENGTH", &counts];
+    let defective = ["firmware.c", "bench.c", "coverage.o", "-DSTALE_LENGTH", &counts];
     compile(folder, "firmware-defects", &defective);
     let device = ["--dut", "device-under-test.yaml", "--target", "exec:./firmware-defects"];
     let (exit, said) = fuzz(
@@ -83,7 +110,7 @@ fn a_firmware_that_ends_becomes_a_case() {
     let checked = "if (length > sizeof transfer.buffer)\n            abort();\n#ifndef OVERFLOW";
     let checked = source.replacen("#ifndef OVERFLOW", checked, 1);
     fs::write(folder.join("firmware.c"), checked).expect("it is written");
-    compile(folder, "firmware-defects", &["firmware.c", "-DOVERFLOW"]);
+    compile(folder, "firmware-defects", &["firmware.c", "bench.c", "-DOVERFLOW"]);
     let sent = |does: &str, frame: String| {
         let then = r#"{ "answers": { "id": 1413, "count": 1 } }"#;
         format!(r#"{{ "does": "{does}", "frames": ["605#{frame}"], "then": {then} }}"#)
@@ -111,8 +138,8 @@ fn a_gate_tells_what_is_new() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     copy(folder);
-    compile(folder, "firmware", &["firmware.c"]);
-    compile(folder, "firmware-defects", &["firmware.c", "-DSTALE_LENGTH"]);
+    compile(folder, "firmware", &["firmware.c", "bench.c"]);
+    compile(folder, "firmware-defects", &["firmware.c", "bench.c", "-DSTALE_LENGTH"]);
     let gate = |reports: &str, only_new: &str, more: &[&str]| {
         let mut gate = Command::new(project().join("examples/ci/gate"));
         gate.current_dir(folder).args(["-q", "--dut", "device-under-test.yaml"]).args(more);
@@ -174,7 +201,17 @@ fn is_clang() -> bool {
 
 fn copy(folder: &Path) {
     let example = project().join("examples/firmware-c");
-    for file in ["firmware.c", "coverage.c", "firmware.eds", "device-under-test.yaml"] {
+    fs::create_dir_all(folder.join("own-suites/requirements")).expect("it is made");
+    for file in [
+        "firmware.c",
+        "bench.c",
+        "bench.h",
+        "coverage.c",
+        "firmware.eds",
+        "device-under-test.yaml",
+        "own-suites/input.yaml",
+        "own-suites/requirements/input.yaml",
+    ] {
         fs::copy(example.join(file), folder.join(file)).expect("it is copied");
     }
 }
@@ -192,6 +229,7 @@ fn run(folder: &Path, more: &[&str]) -> (i32, String) {
 /// The compiler is the one that links Rust programs.
 fn compile(folder: &Path, program: &str, arguments: &[&str]) {
     let flags = ["-std=c99", "-D_POSIX_C_SOURCE=200809L", "-O1", "-o", program];
-    let done = Command::new("cc").current_dir(folder).args(flags).args(arguments).status();
+    let mut cc = Command::new("cc");
+    let done = cc.current_dir(folder).args(flags).args(arguments).status();
     assert!(done.expect("there is a C compiler").success());
 }

@@ -11,7 +11,7 @@ use crate::comparison::Comparison;
 use crate::event::{Origin, RunStarted};
 use crate::fact::{Fact, facts};
 use crate::junit::moment_in_words;
-use crate::reason::{PROTECTED_BY, alike};
+use crate::reason::{NOT_ON_BENCH, PROTECTED_BY, alike};
 use crate::run::{CaseRun, Counts, DeviceRun, Run};
 use crate::side_by_side::SideBySide;
 use crate::style::{clean, shell_word};
@@ -194,21 +194,24 @@ impl Digest<'_> {
 
 /// A result with what the run did not try although it might have.
 fn as_far_as_tested(run: &Run, result: &str) -> String {
-    let is_protected = |outcome: &Outcome| match outcome {
-        Outcome::Skip(reason) => reason.contains(PROTECTED_BY),
-        _ => false,
+    let skipped = || {
+        run.cases().filter_map(|(_, case)| match &case.outcome {
+            Outcome::Skip(reason) => Some(reason.as_str()),
+            _ => None,
+        })
     };
-    let protected = run.cases().filter(|(_, case)| is_protected(&case.outcome)).count();
-    let protected = match protected {
-        0 => None,
-        1 => Some("1 case did not run because of the device file".to_owned()),
-        count => Some(format!("{count} cases did not run because of the device file")),
+    let because = |count: usize, why: &str| {
+        (count > 0).then(|| format!("{} did not run because {why}", cases(count)))
     };
+    let protected = skipped().filter(|reason| reason.contains(PROTECTED_BY)).count();
+    let protected = because(protected, "of the device file");
+    let off_bench = skipped().filter(|reason| reason.starts_with(NOT_ON_BENCH)).count();
+    let off_bench = because(off_bench, "no bench offers what they need");
     let started = run.started.as_ref();
     let selection = started.and_then(RunStarted::selection);
     let selection = selection.map(|said| format!("the run had a selection: {said}"));
     let part = started.and_then(RunStarted::part).map(|part| format!("this is {part}"));
-    let reserved: Vec<String> = [protected, selection, part].into_iter().flatten().collect();
+    let reserved: Vec<String> = [protected, off_bench, selection, part].into_iter().flatten().collect();
     match reserved.is_empty() {
         true => result.to_owned(),
         false => format!("{result}, as far as it was tested; {}", reserved.join("; ")),

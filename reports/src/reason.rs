@@ -13,6 +13,9 @@ pub const LOWER_LIMIT: &str = "with a lower limit";
 /// An object that a case needs, chosen by its `HighLimit` in the data sheet.
 pub const UPPER_LIMIT: &str = "with an upper limit";
 
+/// Stands before the name that a case asks a bench for: `` the bench does not offer `power` ``.
+pub const NOT_ON_BENCH: &str = "the bench does not offer ";
+
 /// Reasons that differ in the object or the name at their end.
 pub(crate) struct Alike<'r> {
     reason: &'r str,

@@ -226,6 +226,12 @@ decisions! {
         false
     }
 
+    /// A TPDO with new parameters, or that starts anew, compares with the values of that moment
+    /// instead of those that it transmitted last.
+    fn transmission_ends_with_its_parameters(&self) -> bool {
+        true
+    }
+
     /// Type n, 1 to 240, is sent with every n-th SYNC (7.2.2.2).
     fn cyclic_tpdo_due(&self, syncs: u8, kind: u8) -> bool {
         syncs >= kind

@@ -1,5 +1,6 @@
 //! TPDOs: process data that the device transmits (CiA 301, 7.2.2, objects 1800h and 1A00h on).
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use canopen::eds::Direction;
@@ -27,6 +28,9 @@ pub(crate) struct Tpdo {
     running: bool,
     /// The data that were transmitted last.
     last: Data,
+    /// The values of the objects in the last transmission of each, where they are kept beyond new
+    /// parameters.
+    transmitted: BTreeMap<Mux, Vec<u8>>,
     /// The data of the objects when they were last looked at.
     seen: Data,
     /// Where the dictionary was when its values were those of the last transmission.
@@ -61,6 +65,7 @@ impl Tpdo {
             mapping: PdoMapping::default(),
             running: false,
             last: Data::EMPTY,
+            transmitted: BTreeMap::new(),
             seen: Data::EMPTY,
             quiet: None,
             pending: false,
@@ -253,6 +258,11 @@ impl Tpdo {
 
     fn transmit(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
         self.remember(base);
+        if !base.rules.transmission_ends_with_its_parameters() {
+            let values = self.mapping.entries().iter().map(|entry| entry.mux);
+            let values = values.filter_map(|mux| Some((mux, base.od.get(mux)?.to_vec())));
+            self.transmitted.extend(values);
+        }
         self.pending = false;
         out.push(Frame::new(self.cob.can_id(), self.last));
         if base.rules.inhibit_time_applies(self.kind) {
@@ -265,6 +275,7 @@ impl Tpdo {
 
     fn restart(&mut self, now: Instant, base: &Base) {
         self.remember(base);
+        self.recall(base);
         if !self.pending || base.rules.disabled_tpdo_forgets_its_event() {
             self.pending = false;
             self.free_at = now;
@@ -280,6 +291,17 @@ impl Tpdo {
     fn remember(&mut self, base: &Base) {
         self.last = self.mapping.pack(&base.od);
         (self.seen, self.quiet) = (self.last, Some(base.od.changes()));
+    }
+
+    /// What was transmitted before the parameters were new is still what was transmitted last.
+    fn recall(&mut self, base: &Base) {
+        if self.transmitted.is_empty() {
+            return;
+        }
+        let mut od = base.od.clone();
+        self.transmitted.iter().for_each(|(mux, value)| od.set(*mux, value));
+        self.last = self.mapping.pack(&od);
+        (self.seen, self.quiet) = (self.last, None);
     }
 
     fn start_timer(&mut self, now: Instant) {
@@ -353,6 +375,20 @@ mod tests {
             fixture.send("000#0205");
             assert_eq!(fixture.until(9_000_000), []);
         }
+    }
+
+    #[test]
+    fn a_change_while_a_pdo_is_invalid_may_be_an_event_afterwards() {
+        let changed = |rules| {
+            let mut fixture = fixture(rules, &[]);
+            assert_eq!(fixture.ask("000#0105"), ["185#110000"]);
+            fixture.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]).unwrap();
+            assert!(write(&mut fixture, 0x12).is_empty());
+            fixture.write(mux(0x1800, 1), &[0x85, 1, 0, 0]).unwrap();
+            fixture.until(fixture.now.0 / 1000 + 1_000).len()
+        };
+        assert_eq!(changed(""), 0);
+        assert_eq!(changed("transmission-ends-with-its-parameters: false"), 1);
     }
 
     #[test]

@@ -9,7 +9,9 @@ use super::{Verbosity, one_line, plural};
 use crate::cause::Cause;
 use crate::comparison::kinds;
 use crate::fact::{Fact, Noticed, facts};
-use crate::reason::{Alike, LOWER_LIMIT, PROTECTED_BY, UPPER_LIMIT, alike, counted, listed};
+use crate::reason::{
+    Alike, LOWER_LIMIT, NOT_ON_BENCH, PROTECTED_BY, UPPER_LIMIT, alike, counted, listed,
+};
 use crate::run::{CaseRun, Counts, DeviceRun, Run};
 use crate::style::{Style, shell_word};
 use crate::verdict::{Outcome, Verdict};
@@ -114,10 +116,12 @@ fn columns(counts: Counts) -> Vec<Verdict> {
 }
 
 /// The reasons, the most frequent first. Reasons that differ in the object or the name at their end
-/// share a line. What the device file forbids is counted by its lines, and is among them with `-v`
-/// only.
+/// share a line. What the device file forbids and what no bench offers has lines of its own, and is
+/// among them with `-v` only.
 fn skipped(run: &Run, style: Style, verbosity: Verbosity, text: &mut String) {
-    let shown = |reason: &&str| verbosity == Verbosity::Verbose || !reason.contains(PROTECTED_BY);
+    let has_its_line =
+        |reason: &str| reason.contains(PROTECTED_BY) || reason.starts_with(NOT_ON_BENCH);
+    let shown = |reason: &&str| verbosity == Verbosity::Verbose || !has_its_line(reason);
     let reasons = run.cases().filter_map(|(_, case)| match &case.outcome {
         Outcome::Skip(reason) => Some(reason.as_str()),
         _ => None,
@@ -163,17 +167,21 @@ fn blocked(run: &Run, style: Style, text: &mut String) {
     text.push('\n');
 }
 
-/// How many cases the device file and the data sheet kept from running: what their author can
-/// change.
+/// How many cases the device file, the data sheet and the bench kept from running: what their author
+/// can change.
 fn kept_from(run: &Run, text: &mut String) {
     let reasons = run.cases().filter_map(|(_, case)| match &case.outcome {
         Outcome::Skip(reason) => Some(reason.as_str()),
         _ => None,
     });
     let (mut protections, mut limits) = (BTreeMap::<&str, usize>::new(), 0);
+    let mut on_no_bench = BTreeMap::<&str, usize>::new();
     for reason in reasons {
         if let Some((_, by)) = reason.split_once(PROTECTED_BY) {
             *protections.entry(by).or_default() += 1;
+        }
+        if let Some(name) = reason.strip_prefix(NOT_ON_BENCH) {
+            *on_no_bench.entry(name).or_default() += 1;
         }
         let of_limits = [LOWER_LIMIT, UPPER_LIMIT].iter().any(|limit| reason.contains(limit));
         limits += u64::from(of_limits);
@@ -191,6 +199,12 @@ fn kept_from(run: &Run, text: &mut String) {
             "{limits} {case} did not run because the data sheet states no limits (LowLimit, \
              HighLimit) for an object that could show them"
         ));
+    }
+    let lacking = on_no_bench.values().sum::<usize>() as u64;
+    if lacking > 0 {
+        let names = counted(&on_no_bench, LABELS);
+        let case = plural(lacking, "case");
+        lines.push(format!("{lacking} {case} did not run because no bench offers {names}"));
     }
     for line in &lines {
         let _ = writeln!(text, "{}", wrapped(&one_line(line)));

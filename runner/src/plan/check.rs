@@ -6,6 +6,7 @@ use canopen::bench::{self, NAMES};
 use canopen::catalogue::{Profile, Shape};
 use canopen::eds::{CODES, Eds, Entry};
 use canopen::{Abort, Mux, Pattern};
+use reports::reason::NOT_ON_BENCH;
 
 use super::bytes::{mapping_word, parse_bytes};
 use super::each::{index_range, matching_entries};
@@ -312,7 +313,7 @@ impl<'c> Checker<'c> {
             self.complain(place, wrong);
             return;
         }
-        self.lacking.get_or_insert_with(|| format!("the bench does not offer `{name}`"));
+        self.lacking.get_or_insert_with(|| format!("{NOT_ON_BENCH}`{name}`"));
     }
 
     /// A code that CiA 301 does not have is a mistake, unless the suite is for one device, which
