@@ -293,13 +293,19 @@ impl Tpdo {
         (self.seen, self.quiet) = (self.last, Some(base.od.changes()));
     }
 
-    /// What was transmitted before the parameters were new is still what was transmitted last.
+    /// What was transmitted before the parameters were new is still what was transmitted last; what
+    /// never was counts as 0.
     fn recall(&mut self, base: &Base) {
-        if self.transmitted.is_empty() {
+        if base.rules.transmission_ends_with_its_parameters() {
             return;
         }
         let mut od = base.od.clone();
-        self.transmitted.iter().for_each(|(mux, value)| od.set(*mux, value));
+        for entry in self.mapping.entries() {
+            match self.transmitted.get(&entry.mux) {
+                Some(value) => od.set(entry.mux, value),
+                None => od.set_int(entry.mux, 0),
+            }
+        }
         self.last = self.mapping.pack(&od);
         (self.seen, self.quiet) = (self.last, None);
     }
