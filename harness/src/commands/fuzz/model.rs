@@ -199,7 +199,7 @@ impl Modelled {
         if let Some(mut like_it) = like_it
             && let Some(short) = self.shrunk(campaign, &mut like_it, finding, TRIES)
             && let Some(shown) = self.shows(stage, finding, &short.session.actions)
-            && is_wrong(campaign, &shown)
+            && self.is_wrong(campaign, &shown)
         {
             return shown;
         }
@@ -210,7 +210,7 @@ impl Modelled {
             _ => tries_on_bus(finding),
         };
         let shrunk = self.shrunk(campaign, stage, finding, tries);
-        let shrunk = shrunk.filter(|short| is_wrong(campaign, short));
+        let shrunk = shrunk.filter(|short| self.is_wrong(campaign, short));
         Finding { shrunk: true, ..shrunk.unwrap_or_else(|| finding.clone()) }
     }
 
@@ -231,13 +231,13 @@ impl Modelled {
         let short =
             shrink(all, tries, &mut |actions| self.shows(stage, finding, actions).is_some());
         let shown = in_the_end(stage, &short)?;
-        if is_wrong(campaign, &shown) {
+        if self.is_wrong(campaign, &shown) {
             return Some(shown);
         }
         // What is left is something that a freedom explains.
         let short = shrink(all, tries.min(CAREFUL), &mut |actions| {
             let shown = self.shows(stage, finding, actions);
-            shown.is_some_and(|shown| is_wrong(campaign, &shown))
+            shown.is_some_and(|shown| self.is_wrong(campaign, &shown))
         });
         in_the_end(stage, &short)
     }
@@ -246,6 +246,14 @@ impl Modelled {
     /// is doubted afterwards, and without it something else would come first.
     fn believed(&self, finding: &Finding) -> impl Iterator<Item = &Candidate> {
         self.blueprint.freedoms_at(&finding.used)
+    }
+
+    /// Whether no freedom explains a finding: neither beside those that the device was believed to
+    /// use then, nor beside those that are believed now.
+    fn is_wrong(&self, campaign: &Campaign<'_>, finding: &Finding) -> bool {
+        let then = Belief::learnt(&self.blueprint, finding.used.clone());
+        let mut beliefs = [Some(campaign.belief().clone()), then].into_iter().flatten();
+        beliefs.all(|mut belief| belief.explain(&finding.seen) == Judged::Wrong)
     }
 
     /// What the actions show, when it is the same.
@@ -312,11 +320,6 @@ fn identity(seen: &Look) -> Identity {
         revision: value(0x1018, 3),
         serial: value(0x1018, 4),
     }
-}
-
-/// Whether no freedom explains a finding.
-fn is_wrong(campaign: &Campaign<'_>, finding: &Finding) -> bool {
-    campaign.belief().clone().explain(&finding.seen) == Judged::Wrong
 }
 
 /// How many sessions are tried to make one shorter where time passes for everybody: as many as
