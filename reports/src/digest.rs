@@ -211,7 +211,8 @@ fn as_far_as_tested(run: &Run, result: &str) -> String {
     let selection = started.and_then(RunStarted::selection);
     let selection = selection.map(|said| format!("the run had a selection: {said}"));
     let part = started.and_then(RunStarted::part).map(|part| format!("this is {part}"));
-    let reserved: Vec<String> = [protected, off_bench, selection, part].into_iter().flatten().collect();
+    let reserved: Vec<String> =
+        [protected, off_bench, selection, part].into_iter().flatten().collect();
     match reserved.is_empty() {
         true => result.to_owned(),
         false => format!("{result}, as far as it was tested; {}", reserved.join("; ")),
