@@ -165,6 +165,10 @@ fn a_gate_tells_what_is_new() {
     for report in ["report.html", "report.json", "junit.xml", "journal.jsonl", "summary.md"] {
         assert!(folder.join("bad").join(report).is_file(), "{report}");
     }
+    // A program that does not start says nothing about what it was to run.
+    let (exit, said, page) = gate("absent", "", &["--target", "exec:./no-firmware"]);
+    assert_eq!(exit, Some(6), "{said}");
+    assert!(!said.contains("regression") && !page.contains("regression"), "{said}{page}");
     // What is red as before passes where only what is new counts.
     fs::copy(folder.join("bad/journal.jsonl"), folder.join("good/journal.jsonl")).expect("it is");
     let (exit, said, _) = gate("known", "true", &defects);
