@@ -40,7 +40,7 @@ impl Figures {
 }
 
 /// Between these and those of the decisions lies what a controller is expected to have.
-pub(crate) const FIGURES: [Figures; 8] = [
+pub(crate) const FIGURES: [Figures; 9] = [
     Figures::new(0.0, 100, true),
     Figures::new(0.0, 100, false),
     Figures::new(1.0, 100, true),
@@ -49,6 +49,7 @@ pub(crate) const FIGURES: [Figures; 8] = [
     Figures::new(0.2, 10, true),
     Figures::new(0.05, 100, false),
     Figures::new(0.2, 100, true),
+    Figures::new(0.2, 100, false),
 ];
 
 decisions! {
