@@ -42,8 +42,8 @@ pub(super) fn run(args: &InitArgs, stop: &Stop) -> Result<Exit, Refused> {
     write_new(&args.out, &text(args, &found, &sheet, &eds, bit_rate), INSTEAD)?;
     let out = args.out.display();
     say(&format!(
-        "{out}: read it, then\n  harness --dut {out} --dry-run               what would be written\n  \
-         harness --dut {out} --journal run.jsonl     the run, for waivers and reports\n"
+        "{out}: read it, then\n  harness --dut {out} --dry-run            what would be written\n  \
+         harness --dut {out} --journal run.jsonl  the run, for waivers and reports\n"
     ));
     Ok(Exit::Green)
 }

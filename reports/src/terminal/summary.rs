@@ -167,8 +167,8 @@ fn blocked(run: &Run, style: Style, text: &mut String) {
     text.push('\n');
 }
 
-/// How many cases the device file, the data sheet and the bench kept from running: what their author
-/// can change.
+/// How many cases the device file, the data sheet and the bench kept from running: what their
+/// authors can change.
 fn kept_from(run: &Run, text: &mut String) {
     let reasons = run.cases().filter_map(|(_, case)| match &case.outcome {
         Outcome::Skip(reason) => Some(reason.as_str()),

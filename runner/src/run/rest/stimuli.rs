@@ -23,8 +23,8 @@ impl BenchSnapshot {
         self.off || !self.before.is_empty()
     }
 
-    /// Sets a stimulus, `shown` in reports, and remembers what it was, and what it moves. What comes
-    /// meanwhile is for the next step.
+    /// Sets a stimulus, `shown` in reports, and remembers what it was, and what it moves. What
+    /// comes meanwhile is for the next step.
     ///
     /// # Errors
     /// Whatever the bus reports; within, that of the bench.

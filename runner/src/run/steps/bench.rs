@@ -24,7 +24,8 @@ use crate::suite::step::{Observe, Stimuli};
 const EVERY: Duration = Duration::from_millis(5);
 
 impl Steps<'_, '_> {
-    /// Sets all stimuli of a step. A device may answer to the first before a bench has set the last.
+    /// Sets all stimuli of a step. A device may answer to the first before a bench has set the
+    /// last.
     pub(super) fn stimulate_bench(&mut self, stimuli: &Stimuli) -> Judgement {
         self.link.look_from_now()?;
         for (name, literal) in &stimuli.0 {
